@@ -1,0 +1,54 @@
+"""Information gain under pose uncertainty: Carrillo et al. 2015, 2018 ([15]).
+
+H. Carrillo, P. Dames, V. Kumar, J. A. Castellanos, "Autonomous robotic exploration using occupancy grid maps and
+graph SLAM based on Shannon and Rényi entropy", ICRA 2015; the same authors with a "utility function based on
+Rényi's general theory of entropy", Autonomous Robots 42, 2018.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explore_bench import Observation
+from explore_bench.geometry import Array, centres
+from explore_bench.scenario import Scenario
+from explore_bench.slam import predict, renyi_entropy, shannon_entropy
+
+
+class Entropy:
+    """Chooses the candidate from which the map is expected to gain most.
+
+    The gain of a candidate is the sum, over the cells in view from it, of Shannon's entropy of the cell as it is
+    (Eq. 5) minus the Rényi entropy (Eq. 6) of the cell after one predicted observation. The order of the latter,
+    α = 1 + 1/δ, follows the trace δ of the pose covariance predicted at the candidate: with a certain pose α → ∞
+    and an observation is worth most; with an uncertain one α → 1.
+    """
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin a trial; there is nothing to draw."""
+
+    def choose(self, observation: Observation) -> int:
+        """Return the index of the candidate with the largest gain, the shorter path among equals."""
+        belief = observation.belief
+        gains = np.empty(len(observation.candidates))
+        for i, path in enumerate(observation.paths):
+            delta = float(np.trace(predict(belief, path).pose_covariances[-1]))
+            view = in_view(observation.positions[i], observation.scenario)
+            gains[i] = information_gain(belief.occupancy.reshape(-1)[view], delta, observation.scenario)
+        return int(np.lexsort((observation.path_lengths, -np.round(gains, 9)))[0])
+
+
+def in_view(position: Array, scenario: Scenario) -> np.ndarray:
+    """Whether the centre of a cell lies within sensor range of a position [m], shape (n²,)."""
+    cells = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
+    return np.asarray(((cells - position) ** 2).sum(axis=1) <= scenario.sensor_range**2)
+
+
+def information_gain(occupancy: Array, delta: float, scenario: Scenario) -> float:
+    """Σ H(p) − H_α(p′) over cells of these occupancies [bit], p′ after the likelier outcome of one observation."""
+    free = occupancy <= 0.5
+    odds = occupancy / (1.0 - occupancy)
+    model = np.where(free, scenario.miss, scenario.hit)
+    updated = odds * model / (1.0 - model)
+    after = np.clip(updated / (1.0 + updated), scenario.occupancy_clamp, 1.0 - scenario.occupancy_clamp)
+    return float(np.sum(shannon_entropy(occupancy) - renyi_entropy(after, 1.0 + 1.0 / delta)))

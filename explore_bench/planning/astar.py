@@ -1,0 +1,139 @@
+"""A* on a grid of 8 neighbours without corner cutting: a diagonal step needs both cells beside it free."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.compiled import jit
+
+SQRT2 = math.sqrt(2.0)
+
+_ROW_STEPS = np.array([-1, 0, 0, 1, -1, -1, 1, 1])
+_COLUMN_STEPS = np.array([0, -1, 1, 0, -1, 1, -1, 1])
+
+
+def shortest_path(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.int64], float]:
+    """Shortest path between two cells of a grid.
+
+    Parameters
+    ----------
+    free : whether a cell may be driven through, shape (n, n). The start's own cell never blocks.
+    start, goal : cells.
+
+    Returns
+    -------
+    The cells of the path from start to goal, shape (P,), and its length in cell edges; no cells and infinity where
+    the goal cannot be reached. Ties are broken by cell index, so equal grids give equal paths.
+    """
+    return _astar(np.ascontiguousarray(free), start, goal)
+
+
+@jit
+def _octile(cell: int, goal: int, n: int) -> float:
+    rows, columns = abs(cell // n - goal // n), abs(cell % n - goal % n)
+    return max(rows, columns) + (SQRT2 - 1.0) * min(rows, columns)
+
+
+@jit
+def may_step(free: NDArray[np.bool_], row: int, column: int, direction: int, start: int) -> int:
+    """Cell reached from (row, column) by one of the 8 directions, or −1 where the step is not allowed."""
+    n = free.shape[0]
+    to_row, to_column = row + _ROW_STEPS[direction], column + _COLUMN_STEPS[direction]
+    if not (0 <= to_row < n and 0 <= to_column < n):
+        return -1
+    cell = to_row * n + to_column
+    if not (free[to_row, to_column] or cell == start):
+        return -1
+    if direction >= 4:
+        beside, across = row * n + to_column, to_row * n + column
+        if not (free[row, to_column] or beside == start) or not (free[to_row, column] or across == start):
+            return -1
+    return cell
+
+
+@jit
+def _astar(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.int64], float]:
+    n = free.shape[0]
+    cost = np.full(n * n, np.inf)
+    parent = np.full(n * n, -1, dtype=np.int64)
+    closed = np.zeros(n * n, dtype=np.bool_)
+    heap_key = np.empty(8 * n * n + 1)
+    heap_cell = np.empty(8 * n * n + 1, dtype=np.int64)
+    cost[start] = 0.0
+    heap_key[0], heap_cell[0] = _octile(start, goal, n), start
+    size = 1
+    while size > 0:
+        cell = heap_cell[0]
+        size -= 1
+        _sift_down(heap_key, heap_cell, size)
+        if closed[cell]:
+            continue
+        closed[cell] = True
+        if cell == goal:
+            break
+        row, column = cell // n, cell % n
+        for direction in range(8):
+            neighbour = may_step(free, row, column, direction, start)
+            if neighbour < 0 or closed[neighbour]:
+                continue
+            through = cost[cell] + (1.0 if direction < 4 else SQRT2)
+            if through < cost[neighbour] - 1e-12:
+                cost[neighbour] = through
+                parent[neighbour] = cell
+                _push(heap_key, heap_cell, size, through + _octile(neighbour, goal, n), neighbour)
+                size += 1
+    if not closed[goal]:
+        return np.empty(0, dtype=np.int64), np.inf
+    length = 1
+    cell = goal
+    while cell != start:
+        cell = parent[cell]
+        length += 1
+    path = np.empty(length, dtype=np.int64)
+    cell = goal
+    for k in range(length - 1, -1, -1):
+        path[k] = cell
+        cell = parent[cell]
+    return path, cost[goal]
+
+
+@jit
+def _before(key: float, cell: int, other_key: float, other_cell: int) -> bool:
+    if abs(key - other_key) > 1e-9:
+        return key < other_key
+    return cell < other_cell
+
+
+@jit
+def _push(
+    heap_key: NDArray[np.float64], heap_cell: NDArray[np.int64], size: int, key: float, cell: int
+) -> None:
+    k = size
+    while k > 0:
+        up = (k - 1) // 2
+        if not _before(key, cell, heap_key[up], heap_cell[up]):
+            break
+        heap_key[k], heap_cell[k] = heap_key[up], heap_cell[up]
+        k = up
+    heap_key[k], heap_cell[k] = key, cell
+
+
+@jit
+def _sift_down(heap_key: NDArray[np.float64], heap_cell: NDArray[np.int64], size: int) -> None:
+    """Move the heap's last entry, now at `size`, to the root and down to its place."""
+    key, cell = heap_key[size], heap_cell[size]
+    k = 0
+    while 2 * k + 1 < size:
+        child = 2 * k + 1
+        if child + 1 < size and _before(
+            heap_key[child + 1], heap_cell[child + 1], heap_key[child], heap_cell[child]
+        ):
+            child += 1
+        if not _before(heap_key[child], heap_cell[child], key, cell):
+            break
+        heap_key[k], heap_cell[k] = heap_key[child], heap_cell[child]
+        k = child
+    heap_key[k], heap_cell[k] = key, cell

@@ -1,0 +1,276 @@
+"""The store: one Parquet shard a trial, written atomically under the key of everything that defines it.
+
+A shard holds the step rows, the trajectory as estimated at the end, and the replay of every decision on the row of
+the step at which it was made; its metadata hold the specification, the world and the ending.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from explore_bench.errors import RequestError
+from explore_bench.provenance import spec_values, trial_key
+from explore_bench.scenario import Scenario
+from explore_bench.simulator.world import World
+from explore_bench.spec import TrialSpec
+from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, SCHEMA_VERSION, STEP_COLUMNS, Column
+from explore_bench.trial import TrialResult
+
+METADATA_KEY = b"explore_bench"
+PROTOCOL_FILE = "protocol.json"
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """What the store says of one trial.
+
+    Attributes
+    ----------
+    status, reason : how it ended, and why where that says not all.
+    steps : columns of STEP_COLUMNS by name, each of shape (T + 1,); empty where the trial failed at once.
+    world : the true map.
+    timed_out : whether it failed for want of time.
+    """
+
+    spec: TrialSpec
+    status: str
+    reason: str
+    steps: dict[str, np.ndarray]
+    final: dict[str, np.ndarray]
+    world: World
+    timed_out: bool
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Decisions of a trial: for each the step at which it was made; the last entry is the end of the trial.
+
+    Attributes
+    ----------
+    steps : row of each, shape (D + 1,).
+    candidates, choices : cells to choose from and the index chosen; None at the end.
+    maps, ellipses : packed; see `steps.unpack_map` and `steps.unpack_ellipses`.
+    landmarks : x, y, xx, xy, yy of each landmark seen, shape (M, 5).
+    """
+
+    steps: list[int]
+    candidates: list[list[int] | None]
+    choices: list[int | None]
+    maps: list[bytes]
+    ellipses: list[bytes]
+    landmarks: list[np.ndarray]
+
+
+class Store:
+    """The shards of one results folder.
+
+    Raises
+    ------
+    RequestError : where the folder cannot be written, or holds records of another version or protocol.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.runs = folder / "runs"
+
+    def open(self, root: int, purpose: str) -> None:
+        """Make the folder ready for trials of one root seed and purpose."""
+        protocol = {"schema": SCHEMA_VERSION, "root": root, "purpose": purpose}
+        try:
+            self.runs.mkdir(parents=True, exist_ok=True)
+            file = self.runs / PROTOCOL_FILE
+            if not file.exists():
+                _write_atomically(file, json.dumps(protocol).encode())
+        except OSError as error:
+            raise RequestError(
+                f"results folder '{self.folder}' cannot be written ({error.strerror}); "
+                "give another with --results."
+            ) from None
+        if not os.access(self.runs, os.W_OK):
+            raise RequestError(
+                f"results folder '{self.folder}' is not writable; give another with --results."
+            )
+        stored = self.protocol()
+        for name, words in (("schema", "record version"), ("root", "root seed"), ("purpose", "purpose")):
+            if stored[name] != protocol[name]:
+                raise RequestError(
+                    f"results folder '{self.folder}' holds trials of {words} {stored[name]}, not {protocol[name]}; "
+                    "give another with --results."
+                )
+
+    def protocol(self) -> dict[str, Any]:
+        """Return record version, root seed and purpose of the folder's trials."""
+        file = self.runs / PROTOCOL_FILE
+        if not file.is_file():
+            raise RequestError(
+                f"results folder '{self.folder}' holds no trials; run some with 'explore-bench run SUITE'."
+            )
+        try:
+            protocol: dict[str, Any] = json.loads(file.read_text())
+            if not {"schema", "root", "purpose"} <= protocol.keys():
+                raise ValueError
+        except (ValueError, AttributeError):
+            raise RequestError(f"'{file}' is damaged; delete it and the folder it lies in.") from None
+        return protocol
+
+    def path(self, key: str) -> Path:
+        """File of the shard with this key."""
+        return self.runs / f"{key}.parquet"
+
+    def write(self, result: TrialResult) -> None:
+        """Write a trial's shard: whole or not at all."""
+        sink = pa.BufferOutputStream()
+        pq.write_table(_table(result), sink, compression="zstd", write_statistics=False)
+        _write_atomically(self.path(trial_key(result.spec)), sink.getvalue().to_pybytes())
+
+    def has(self, spec: TrialSpec) -> bool:
+        """Whether a trial is stored; one that ran out of time does not count."""
+        path = self.path(trial_key(spec))
+        return path.is_file() and not json.loads(_metadata(path))["timed_out"]
+
+    def read(self, path: Path) -> TrialRecord:
+        """Read a shard.
+
+        Raises
+        ------
+        RequestError : for a file that is no shard or of another record version.
+        """
+        values = json.loads(_metadata(path))
+        columns = pq.read_table(path, columns=[*STEP_COLUMNS, *FINAL_COLUMNS])
+        arrays = {name: columns[name].to_numpy() for name in columns.column_names}
+        world = values["world"]
+        cells = int(values["spec"]["scenario"]["size"] / values["spec"]["scenario"]["cell_size"] + 0.5)
+        obstacles = np.zeros(cells * cells, dtype=bool)
+        obstacles[world["obstacles"]] = True
+        return TrialRecord(
+            spec=_spec_from(values["spec"]),
+            status=values["status"],
+            reason=values["reason"],
+            steps={name: arrays[name] for name in STEP_COLUMNS},
+            final={name: arrays[name] for name in FINAL_COLUMNS},
+            world=World(
+                obstacles.reshape(cells, cells),
+                np.array(world["landmarks"], dtype=float).reshape(-1, 2),
+                (world["start"][0], world["start"][1], world["start"][2]),
+                values["spec"]["scenario"]["cell_size"],
+            ),
+            timed_out=values["timed_out"],
+        )
+
+    def replay(self, spec: TrialSpec) -> Replay:
+        """Read the replay of a stored trial."""
+        table = pq.read_table(self.path(trial_key(spec)), columns=["step", *REPLAY_COLUMNS]).to_pylist()
+        rows = [row for row in table if row["map"] is not None]
+        return Replay(
+            steps=[row["step"] for row in rows],
+            candidates=[row["candidates"] for row in rows],
+            choices=[row["choice"] for row in rows],
+            maps=[row["map"] for row in rows],
+            ellipses=[row["ellipses"] for row in rows],
+            landmarks=[np.array(row["landmark_estimates"], dtype=float).reshape(-1, 5) for row in rows],
+        )
+
+    def records(self) -> tuple[list[TrialRecord], int]:
+        """All trials of the folder whose key is still that of their specification, and how many are stale.
+
+        A trial is stale where the code or the libraries that it ran have changed since.
+        """
+        self.protocol()
+        found: list[TrialRecord] = []
+        stale = 0
+        for path in sorted(self.runs.glob("*.parquet")):
+            record = self.read(path)
+            if self._is_current(record.spec, path):
+                found.append(record)
+            else:
+                stale += 1
+        return found, stale
+
+    def _is_current(self, spec: TrialSpec, path: Path) -> bool:
+        try:
+            return trial_key(spec) == path.stem
+        except (OSError, SyntaxError):
+            return False  # a plugin's file that is gone or broken
+
+
+def _table(result: TrialResult) -> pa.Table:
+    rows = len(result.steps)
+    columns: dict[str, Any] = {name: [getattr(step, name) for step in result.steps] for name in STEP_COLUMNS}
+    final = np.full((rows, 6), np.nan)
+    final[: len(result.final_poses)] = np.hstack((result.final_poses, result.final_covariances))
+    columns |= {name: final[:, i] for i, name in enumerate(FINAL_COLUMNS)}
+    for name in REPLAY_COLUMNS:
+        snapshots = (result.snapshots.get(row) for row in range(rows))
+        columns[name] = [None if snapshot is None else getattr(snapshot, name) for snapshot in snapshots]
+    values = {
+        "schema": SCHEMA_VERSION,
+        "spec": spec_values(result.spec),
+        "status": result.status.value,
+        "reason": result.reason,
+        "timed_out": result.timed_out,
+        "world": {
+            "obstacles": np.flatnonzero(result.world.obstacles).tolist(),
+            "landmarks": result.world.landmarks.tolist(),
+            "start": list(result.world.start),
+        },
+    }
+    schema = _schema().with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
+    return pa.table({name: pa.array(columns[name], schema.field(name).type) for name in schema.names}, schema)
+
+
+@cache
+def _schema() -> pa.Schema:
+    def arrow(column: Column) -> pa.DataType:
+        if column.dtype.startswith("list<"):
+            return pa.list_(pa.type_for_alias(column.dtype[5:-1]))
+        return pa.type_for_alias(column.dtype)
+
+    columns = STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS
+    return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
+
+
+def _metadata(path: Path) -> bytes:
+    try:
+        metadata = pq.read_schema(path).metadata or {}
+    except (pa.ArrowException, OSError):
+        raise RequestError(f"'{path}' is no readable record; delete it and run again.") from None
+    if METADATA_KEY not in metadata:
+        raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
+    version = json.loads(metadata[METADATA_KEY])["schema"]
+    if version != SCHEMA_VERSION:
+        raise RequestError(
+            f"'{path}' is of record version {version}, not {SCHEMA_VERSION}; give another folder with --results."
+        )
+    return bytes(metadata[METADATA_KEY])
+
+
+def _spec_from(values: dict[str, Any]) -> TrialSpec:
+    return TrialSpec(**{**values, "scenario": Scenario(**values["scenario"])})
+
+
+def _write_atomically(path: Path, content: bytes) -> None:
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def missing(store: Store, specs: Sequence[TrialSpec]) -> Iterator[TrialSpec]:
+    """Trials of a plan that the store does not hold."""
+    return (spec for spec in specs if not store.has(spec))

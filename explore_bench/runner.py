@@ -1,0 +1,226 @@
+"""Runs the missing trials of a plan in worker processes and keeps the books: the only importer of joblib."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import joblib
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from explore_bench.errors import RequestError
+from explore_bench.records import Store, missing
+from explore_bench.spec import TrialSpec
+from explore_bench.strategy import make_strategy
+from explore_bench.trial import Status, run_trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BACKENDS = ("loky", "sequential")
+DEFAULT_TIMEOUT = 600.0
+"""Seconds that one trial may take."""
+
+GRACE = 60.0
+"""Seconds beyond its limit after which a trial that cannot be interrupted ends the run."""
+
+ONE_THREAD = {
+    name: "1"
+    for name in (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "TBB_NUM_THREADS",
+    )
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a worker reports of a trial that it has stored; the times are not part of any record."""
+
+    spec: TrialSpec
+    status: Status
+    reason: str
+    steps: int
+    seconds: float
+    decision_seconds: tuple[float, ...]
+
+
+class Incomplete(RuntimeError):
+    """A run ended before its plan was done; what it finished is stored (exit code 3)."""
+
+
+def default_workers() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def execute(
+    specs: Sequence[TrialSpec],
+    store: Store,
+    workers: int,
+    backend: str = "loky",
+    timeout: float = DEFAULT_TIMEOUT,
+) -> Iterator[Outcome]:
+    """Run trials in parallel, store each as it ends and yield its outcome, in the order in which they end.
+
+    Raises
+    ------
+    Incomplete : when a worker process died, or a trial could not be interrupted.
+    """
+    if not specs:
+        return
+    longest_first = sorted(specs, key=lambda spec: (-spec.scenario.cell_count, spec.trial, spec.strategy))
+    jobs = 1 if backend == "sequential" else min(workers, len(specs))
+    tasks = (joblib.delayed(_run_and_store)(spec, store, timeout) for spec in longest_first)
+    with _environment(ONE_THREAD):
+        if jobs > 1:
+            warm_up(specs[0])
+        parallel = joblib.Parallel(
+            n_jobs=jobs,
+            backend=backend,
+            return_as="generator_unordered",
+            pre_dispatch="2*n_jobs",
+            timeout=timeout + GRACE if jobs > 1 else None,
+        )
+        try:
+            yield from parallel(tasks)
+        except TerminatedWorkerError:
+            raise Incomplete(
+                "a worker process died (killed, or out of memory); run the same command again"
+            ) from None
+        except TimeoutError:
+            raise Incomplete(
+                f"a trial took longer than {timeout:g} s and could not be interrupted; mend its strategy"
+            ) from None
+
+
+def warm_up(spec: TrialSpec) -> None:
+    """Compile and cache every kernel in this process, lest each worker compile its own."""
+    tiny = spec.scenario.replace(
+        size=spec.scenario.cell_size * 5, landmark_count=2, obstacle_count=1, coverage=1.0
+    )
+    run_trial(TrialSpec("warm-up", "explore_bench.runner:WarmUp", tiny, trial=0, purpose="calibrate"))
+
+
+class WarmUp:
+    """Touches whatever a strategy may call."""
+
+    def reset(self, rng: Any) -> None:
+        """Begin a trial."""
+
+    def choose(self, observation: Any) -> int:
+        """Predict along the first path, and take it."""
+        from explore_bench.slam import predict
+
+        return 0 * int(predict(observation.belief, observation.paths[0]).uncertainty)
+
+
+def check_runnable(specs: Sequence[TrialSpec]) -> None:
+    """Import and make every strategy of a plan once.
+
+    Raises
+    ------
+    RequestError : for the first that cannot be made.
+    """
+    seen = {}
+    for spec in specs:
+        seen.setdefault(spec.strategy, spec)
+    for spec in seen.values():
+        made = make_strategy(spec.factory, spec.parameters)
+        begin = "reset_with_world" if spec.reference else "reset"
+        for method in (begin, "choose"):
+            if not callable(getattr(made, method, None)):
+                raise RequestError(
+                    f"strategy '{spec.strategy}' ({spec.factory}) has no method {method}; add it."
+                )
+
+
+def run(
+    suite: str = "smoke",
+    strategies: Sequence[str] = (),
+    *,
+    sizes: Sequence[float] = (),
+    trials: int | None = None,
+    workers: int | None = None,
+    backend: str = "loky",
+    timeout: float = DEFAULT_TIMEOUT,
+    scenario: Any = None,
+    seed: int = 0,
+    results: str | Path = "results",
+    progress: Callable[[Outcome], None] | None = None,
+) -> pd.DataFrame:
+    """Run what is missing of a suite and return the rows of `trials.csv` for the trials asked for.
+
+    Parameters
+    ----------
+    suite : name of a suite.
+    strategies : names, "module:factory" or "file.py:factory" instead of the suite's own.
+    sizes, trials, seed : sizes [m], worlds a size and root seed instead of the suite's.
+    workers, backend, timeout : processes, joblib backend, and seconds that a trial may take.
+    scenario : a Scenario, or a name or TOML file of one, instead of the paper's.
+    results : folder of the records.
+    progress : called with the outcome of every trial that runs.
+
+    Raises
+    ------
+    RequestError : where the request or the folder is wrong.
+    Incomplete : where the run ended early.
+    """
+    from explore_bench.results import select, write_times, write_trials
+    from explore_bench.scenario import load_scenario
+    from explore_bench.suites import plan
+
+    name = scenario if isinstance(scenario, str) else "paper" if scenario is None else "custom"
+    physics = load_scenario(scenario) if isinstance(scenario, str) else scenario
+    asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).stem)
+    check_runnable(asked.specs)
+    store = Store(Path(results))
+    store.open(seed, "evaluate")
+    outcomes: list[Outcome] = []
+    try:
+        workers = default_workers() if workers is None else workers
+        for outcome in execute(list(missing(store, asked.specs)), store, workers, backend, timeout):
+            outcomes.append(outcome)
+            if progress:
+                progress(outcome)
+    finally:
+        write_times(store.folder, outcomes)
+        trials_table = write_trials(store)
+    return select(trials_table, asked.specs)
+
+
+def _run_and_store(spec: TrialSpec, store: Store, timeout: float) -> Outcome:
+    begin = time.perf_counter()
+    result = run_trial(spec, timeout)
+    store.write(result)
+    return Outcome(
+        spec=spec,
+        status=result.status,
+        reason=result.reason,
+        steps=max(len(result.steps) - 1, 0),
+        seconds=time.perf_counter() - begin,
+        decision_seconds=tuple(result.decision_seconds),
+    )
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set environment variables that worker processes inherit, and restore them."""
+    old = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in old.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

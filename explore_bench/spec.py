@@ -1,0 +1,42 @@
+"""What defines a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from explore_bench.scenario import Scenario
+from explore_bench.seeding import Purpose, Role, stream
+
+
+@dataclass(frozen=True)
+class TrialSpec:
+    """Everything that defines a trial.
+
+    Attributes
+    ----------
+    strategy : name under which its rows are kept.
+    factory, parameters, reference : of its Entry.
+    scenario : physical constants, the size among them.
+    scenario_name : name under which they are kept.
+    purpose, root, trial : of its random streams.
+    training_seed : seed with which the strategy's weights were trained; None for one that is not trained.
+    """
+
+    strategy: str
+    factory: str
+    scenario: Scenario
+    trial: int
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    reference: bool = False
+    scenario_name: str = "paper"
+    purpose: Purpose = "evaluate"
+    root: int = 0
+    training_seed: int | None = None
+
+    def generator(self, role: Role) -> np.random.Generator:
+        """Return the trial's stream of a role."""
+        return stream(self.purpose, self.root, self.scenario.size, self.trial, role)

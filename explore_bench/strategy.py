@@ -1,0 +1,172 @@
+"""What a strategy sees, what it must answer, and how one is registered."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.errors import RequestError
+
+if TYPE_CHECKING:
+    from explore_bench.geometry import Array, Pose
+    from explore_bench.scenario import Scenario
+    from explore_bench.simulator.world import World
+    from explore_bench.slam.belief import Belief
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """All that a strategy may use for one decision. Every array is read-only; nothing in it leads to the truth.
+
+    Attributes
+    ----------
+    belief : estimates, covariances, occupancy and virtual map; `explore_bench.slam.predict` propagates it.
+    step, decision : how many steps were taken and decisions made before this one.
+    candidates : target cells to choose from, shape (C,), ascending, at least one.
+    positions : centres of the candidates [m], shape (C, 2).
+    paths : for each candidate the cells of its path, from the robot's own cell to the candidate.
+    path_lengths : length of each path [m], shape (C,).
+    """
+
+    belief: Belief
+    step: int
+    decision: int
+    candidates: NDArray[np.int64]
+    positions: Array
+    paths: tuple[NDArray[np.int64], ...]
+    path_lengths: Array
+
+    @property
+    def scenario(self) -> Scenario:
+        """The physical constants."""
+        return self.belief.scenario
+
+    @property
+    def pose(self) -> Pose:
+        """Estimated pose (x, y, heading) [m, m, rad]."""
+        return self.belief.pose
+
+
+@runtime_checkable
+class Strategy(Protocol):
+    """What the benchmark asks of a strategy; any object with these two methods is one."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin a trial. All randomness of the trial must come from `rng`, nothing may be kept from the last one."""
+
+    def choose(self, observation: Observation) -> int:
+        """Return the index of the chosen candidate, 0 ≤ index < C."""
+
+
+@runtime_checkable
+class Reference(Protocol):
+    """A strategy that is told the truth: a bound to compare with, never a competitor."""
+
+    def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
+        """Begin a trial in a world that is known."""
+
+    def choose(self, observation: Observation) -> int:
+        """Return the index of the chosen candidate, 0 ≤ index < C."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A registered strategy.
+
+    Attributes
+    ----------
+    factory : "module:name" of what makes the strategy, called with the parameters; None for a strategy of the
+        paper that has no weights yet and is shown as `not trained`.
+    label : its name in tables and figures.
+    color : its fixed colour, "#rrggbb".
+    parameters : keyword arguments of the factory.
+    tables : the paper's tables that it belongs to.
+    reference : whether it is told the truth; it is marked so in every table and compared with nobody.
+    """
+
+    factory: str | None
+    label: str
+    color: str = "#7f7f7f"
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    tables: tuple[str, ...] = ("table2", "table3")
+    reference: bool = False
+
+    def __post_init__(self) -> None:
+        if self.factory is not None:
+            parse_factory(self.factory)
+        if not re.fullmatch(r"#[0-9a-fA-F]{6}", self.color):
+            raise ValueError(f"color '{self.color}' of '{self.label}' must read '#rrggbb'")
+
+
+def parse_factory(factory: str) -> tuple[str, str]:
+    """Split "module:name" or "path/to/file.py:name" at its last colon.
+
+    Raises
+    ------
+    RequestError : where it reads otherwise.
+    """
+    place, colon, name = factory.rpartition(":")
+    if not colon or not name.isidentifier() or not (place.endswith(".py") or re.fullmatch(r"[\w.]+", place)):
+        raise RequestError(f"factory '{factory}' must read 'module:name' or 'path/to/file.py:name'.")
+    return place, name
+
+
+def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
+    """Import what a factory string names, in this process, and call it with the parameters.
+
+    Raises
+    ------
+    RequestError : where the file or module cannot be imported, lacks the name, or refuses the parameters.
+    """
+    place, name = parse_factory(factory)
+    try:
+        module = _load_file(Path(place)) if place.endswith(".py") else importlib.import_module(place)
+    except (Exception, SystemExit) as error:
+        raise RequestError(
+            f"strategy '{factory}' cannot be imported ({describe(error)}); mend that."
+        ) from error
+    if not hasattr(module, name):
+        raise RequestError(
+            f"strategy '{factory}': '{place}' has no '{name}'; name something that it defines."
+        )
+    try:
+        return getattr(module, name)(**parameters)
+    except (Exception, SystemExit) as error:
+        shown = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
+        raise RequestError(
+            f"strategy '{factory}' cannot be made with ({shown}): {describe(error)}."
+        ) from error
+
+
+def describe(error: BaseException) -> str:
+    """Return an exception as one line: its type and its first line."""
+    lines = str(error).splitlines()
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def _load_file(path: Path) -> ModuleType:
+    name = "explore_bench_plugin_" + hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module

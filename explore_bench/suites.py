@@ -1,0 +1,127 @@
+"""The named collections of trials, and their plan: which trials a request asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from explore_bench.errors import RequestError, unknown
+from explore_bench.registry import lookup, strategies
+from explore_bench.scenario import PAPER, Scenario
+from explore_bench.seeding import Purpose
+from explore_bench.spec import TrialSpec
+from explore_bench.strategy import Entry
+
+MAX_ROOT = 2**32 - 1
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Sizes, number of worlds and the tables whose strategies take part.
+
+    Attributes
+    ----------
+    parts : (table, sizes [m]) pairs; a strategy runs at the sizes of every table that it belongs to.
+    trials : worlds a size.
+    """
+
+    description: str
+    parts: tuple[tuple[str, tuple[float, ...]], ...]
+    trials: int = 50
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """All sizes of the suite [m]."""
+        return tuple(sorted({size for _, sizes in self.parts for size in sizes}))
+
+    def sizes_of(self, entry: Entry) -> tuple[float, ...]:
+        """Sizes at which a strategy runs [m]."""
+        return tuple(sorted({s for table, sizes in self.parts if table in entry.tables for s in sizes}))
+
+
+TABLE2 = ("table2", (20.0, 40.0))
+TABLE3 = ("table3", (20.0, 30.0, 40.0))
+LAYERS = ("layers", (20.0,))
+
+SUITES: dict[str, Suite] = {
+    "smoke": Suite("a look at every strategy in under a minute", (("table2", (20.0,)),), trials=4),
+    "table2": Suite("Table 2, Figures 10 and 11: the compared methods at 20 and 40 m", (TABLE2,)),
+    "table3": Suite("Table 3, Figures 13 to 15: the ablations at 20, 30 and 40 m", (TABLE3,)),
+    "layers": Suite("Figure 8: Graph-STNN with 1, 2 and 3 GCN layers at 20 m", (LAYERS,)),
+    "paper": Suite("all of the paper: table2, table3 and layers", (TABLE2, TABLE3, LAYERS)),
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Trials that a request asks for, and the strategies it names that cannot run for want of weights."""
+
+    specs: tuple[TrialSpec, ...]
+    untrained: tuple[str, ...]
+
+
+def plan(
+    suite: str,
+    names: Sequence[str] = (),
+    sizes: Sequence[float] = (),
+    trials: int | None = None,
+    root: int = 0,
+    scenario: Scenario | None = None,
+    scenario_name: str = "paper",
+    purpose: Purpose = "evaluate",
+) -> Plan:
+    """List the trials of a suite: pure, cheap, in the order of strategies, sizes and trials.
+
+    Parameters
+    ----------
+    suite : its name.
+    names : strategies instead of the suite's; a plugin runs at all sizes of the suite.
+    sizes : edges of the maps [m] instead of the suite's.
+    trials : number of worlds instead of the suite's.
+    root : root seed; 0 is the benchmark's own.
+    scenario : physical constants instead of the paper's; a size that it sets stands unless `sizes` is given.
+
+    Raises
+    ------
+    RequestError : for an unknown suite or strategy, or a size, number or seed out of range.
+    """
+    if suite not in SUITES:
+        raise unknown("suite", suite, SUITES)
+    chosen = SUITES[suite]
+    count = chosen.trials if trials is None else trials
+    if count < 1:
+        raise RequestError(f"trials is {count}; ask for at least 1.")
+    if not 0 <= root <= MAX_ROOT:
+        raise RequestError(f"seed is {root}; give a root seed from 0 to {MAX_ROOT}.")
+    base = scenario or PAPER
+    if not sizes and scenario is not None and "size" in scenario.model_fields_set:
+        sizes = (scenario.size,)
+    picked = [lookup(name) for name in dict.fromkeys(names)] or list(strategies().items())
+    if len({name for name, _ in picked}) < len(picked):
+        raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory.")
+    specs: list[TrialSpec] = []
+    untrained: list[str] = []
+    for name, entry in picked:
+        own_sizes = tuple(sizes) or chosen.sizes_of(entry) or (chosen.sizes if names else ())
+        if not own_sizes or (not names and not chosen.sizes_of(entry)):
+            continue
+        if entry.factory is None:
+            untrained.append(name)
+            continue
+        for size in own_sizes:
+            physics = base.replace(size=size)
+            specs += [
+                TrialSpec(
+                    strategy=name,
+                    factory=entry.factory,
+                    scenario=physics,
+                    trial=trial,
+                    parameters=dict(entry.parameters),
+                    reference=entry.reference,
+                    scenario_name=scenario_name,
+                    purpose=purpose,
+                    root=root,
+                )
+                for trial in range(count)
+            ]
+    return Plan(tuple(specs), tuple(untrained))

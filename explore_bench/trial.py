@@ -1,0 +1,368 @@
+"""One trial: `rollout` is the only simulation loop, `run_trial` lets a strategy choose in it and keeps the rows."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.driver import Command, Driver
+from explore_bench.geometry import Array, cell_of, centres, distance_to_segment
+from explore_bench.planning.frontier import Ground, Withheld, find_candidates, waypoints
+from explore_bench.scenario import Scenario
+from explore_bench.simulator.motion import Robot
+from explore_bench.simulator.sensor import Sensor
+from explore_bench.simulator.world import World, draw_world
+from explore_bench.slam.belief import Belief
+from explore_bench.slam.smoother import Lap, Smoother, no_lap
+from explore_bench.spec import TrialSpec
+from explore_bench.steps import Snapshot, Step, take_snapshot
+from explore_bench.strategy import Observation, describe, make_strategy
+
+
+class Status(str, Enum):
+    """How a trial ended."""
+
+    EXPLORED = "explored"
+    STEP_LIMIT = "step_limit"
+    STUCK = "stuck"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How a rollout ended, why in a sentence (empty where the status says it all), and the last belief."""
+
+    status: Status
+    reason: str
+    belief: Belief
+
+
+class ChoiceError(ValueError):
+    """A strategy answered something that is no index of a candidate."""
+
+
+def rollout(
+    scenario: Scenario,
+    world: World,
+    motion: np.random.Generator,
+    sensing: np.random.Generator,
+    lap: Lap = no_lap,
+) -> Generator[Observation | Step, int | None, Ending]:
+    """Simulate one trial, yielding a Step after every step and an Observation wherever a choice is due.
+
+    The choice, an index of the observation's candidates, is given by `send`. The generator returns an Ending.
+
+    Parameters
+    ----------
+    motion, sensing : streams of the motion's and the sensor's standard normals.
+    lap : told the name of each part of a step when it is done.
+
+    Raises
+    ------
+    ChoiceError : when what was sent is no index of a candidate.
+    """
+    simulation = _Simulation(scenario, world, motion, sensing, lap)
+    withheld = Withheld()
+    yield simulation.row()
+    decisions_here, here = 0, -1
+    while (status := simulation.status()) is None:
+        smoother = simulation.smoother
+        found = find_candidates(simulation.ground(), withheld)
+        if not len(found.cells):
+            return Ending(Status.STUCK, "no frontier can be reached", smoother.belief())
+        own = simulation.own_cell
+        decisions_here = decisions_here + 1 if own == here else 1
+        here = own
+        if decisions_here > scenario.stuck_decisions:
+            return Ending(
+                Status.STUCK,
+                f"{scenario.stuck_decisions} decisions did not leave cell {own}",
+                smoother.belief(),
+            )
+        for array in (found.cells, found.lengths, *found.paths):
+            array.setflags(write=False)
+        positions = centres(found.cells, scenario.cells, scenario.cell_size)
+        positions.setflags(write=False)
+        choice = yield Observation(
+            belief=smoother.belief(),
+            step=simulation.steps,
+            decision=simulation.decisions,
+            candidates=found.cells,
+            positions=positions,
+            paths=found.paths,
+            path_lengths=found.lengths,
+        )
+        index = _checked(choice, len(found.cells))
+        simulation.decisions += 1
+        arrived = False
+        for step in simulation.drive(found.paths[index]):
+            yield step
+            arrived = simulation.arrived
+            if simulation.own_cell != here:
+                here = -1
+        if arrived:
+            withheld.add(int(found.cells[index]), simulation.known)
+    return Ending(status, "", simulation.smoother.belief())
+
+
+def _checked(choice: object, count: int) -> int:
+    if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
+        raise ChoiceError(
+            f"the answer {choice!r} is of type {type(choice).__name__}; answer an integer index, 0 to {count - 1}"
+        )
+    if not 0 <= choice < count:
+        raise ChoiceError(
+            f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}"
+        )
+    return int(choice)
+
+
+class _Simulation:
+    """The state of one rollout: the true robot, its sensor and its SLAM, moved command by command."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        world: World,
+        motion: np.random.Generator,
+        sensing: np.random.Generator,
+        lap: Lap,
+    ) -> None:
+        self.scenario, self._lap = scenario, lap
+        self.steps = self.decisions = 0
+        self.arrived = False
+        self._length = self._turned = 0.0
+        self._robot = Robot(scenario, world, motion)
+        self._sensor = Sensor(scenario, world, sensing)
+        self._driver = Driver.of(scenario)
+        self._truth = world.obstacles.reshape(-1)
+        self.smoother = Smoother(scenario, world.start, lap)
+        self.smoother.update(None, self._sensor.scan(self._robot.pose))
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        return self.smoother.occupancy.known.reshape(self.scenario.cells, self.scenario.cells)
+
+    @property
+    def own_cell(self) -> int:
+        x, y, _ = self.smoother.pose
+        return cell_of(x, y, self.scenario.cells, self.scenario.cell_size)
+
+    def ground(self) -> Ground:
+        n = self.scenario.cells
+        return Ground(
+            scenario=self.scenario,
+            pose=self.smoother.pose,
+            known=self.known,
+            occupied=self.smoother.occupancy.occupied.reshape(n, n),
+            landmarks=self.smoother.landmarks,
+        )
+
+    def status(self) -> Status | None:
+        if self.smoother.explored >= self.scenario.coverage:
+            return Status.EXPLORED
+        if self.steps >= self.scenario.step_limit:
+            return Status.STEP_LIMIT
+        return None
+
+    def drive(self, path: NDArray[np.int64]) -> Iterator[Step]:
+        """Follow a path until its end, the end of the trial, a blocked path or a jump off it; ≥ 1 straight step."""
+        self.arrived = False
+        needed, segment_of = _needed_cells(path, self.scenario.cells)
+        previous = self.smoother.pose[:2]
+        has_moved = False
+        for segment, waypoint in enumerate(waypoints(path, self.scenario)):
+            while (command := self._driver.command(self.smoother.pose, waypoint)) is not None:
+                self._advance(command)
+                yield self.row()
+                has_moved = has_moved or command[1] > 0.0
+                if self.status() is not None:
+                    return
+                x, y, _ = self.smoother.pose
+                off = distance_to_segment(x, y, *previous, *waypoint) > self.scenario.path_tolerance
+                if has_moved and (off or self._any_blocked(needed[segment_of >= segment])):
+                    return
+            previous = waypoint
+        self.arrived = True
+
+    def _advance(self, command: Command) -> None:
+        self.steps += 1
+        self._turned += abs(command[0])
+        self._length += command[1]
+        self._robot.move(command)
+        scan = self._sensor.scan(self._robot.pose)
+        self._lap("world")
+        self.smoother.update(command, scan)
+
+    def _any_blocked(self, cells: NDArray[np.int64]) -> bool:
+        cells = cells[cells != self.own_cell]
+        if np.any(self.smoother.occupancy.occupied_at(cells)):
+            return True
+        return bool(np.isin(cells, self.ground().landmark_cells).any())
+
+    def row(self) -> Step:
+        smoother = self.smoother
+        covariance = smoother.pose_covariances[-1]
+        occupancy = smoother.occupancy
+        row = Step(
+            self.steps,
+            self.decisions,
+            *self._robot.pose,
+            *smoother.pose,
+            *covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
+            smoother.virtual_map.uncertainty,
+            *smoother.peak_traces,
+            smoother.explored,
+            self._length,
+            self._turned,
+            self._robot.collisions,
+            int(np.count_nonzero(occupancy.known & (occupancy.occupied != self._truth))),
+            len(smoother.landmarks),
+        )
+        self._lap("row")
+        return row
+
+
+def _needed_cells(path: NDArray[np.int64], n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Cells that must stay free for a path, the sides of its diagonal steps included, and the segment of each."""
+    rows, columns = path // n, path % n
+    segments = np.arange(len(path) - 1)
+    diagonal = (rows[1:] != rows[:-1]) & (columns[1:] != columns[:-1])
+    sides = (rows[:-1] * n + columns[1:])[diagonal], (rows[1:] * n + columns[:-1])[diagonal]
+    return np.concatenate((path[1:], *sides)), np.concatenate(
+        (segments, segments[diagonal], segments[diagonal])
+    )
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """What a trial leaves.
+
+    Attributes
+    ----------
+    steps : one row a step, the first before any step; empty where the trial failed before.
+    snapshots : replay of each decision by the number of the step at which it was made, and of the end.
+    final_poses, final_covariances : trajectory and its position covariances (xx, xy, yy) as estimated at the end,
+        shapes (N, 3); N = 0 for a trial that failed.
+    decision_seconds : time the strategy took for each choice.
+    timed_out : whether it failed for want of time.
+    """
+
+    spec: TrialSpec
+    world: World
+    status: Status
+    reason: str
+    steps: list[Step]
+    snapshots: dict[int, Snapshot]
+    final_poses: Array
+    final_covariances: Array
+    decision_seconds: list[float]
+    seconds: float
+    timed_out: bool = False
+
+
+def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) -> TrialResult:
+    """Run one trial: a pure function of its spec but for the times.
+
+    Whatever the strategy does wrong (raise, answer nonsense, take longer than `timeout` [s]) makes the result
+    `failed` with a reason; the rows up to there are kept.
+    """
+    begin = time.perf_counter()
+    world = draw_world(spec.scenario, spec.generator("world"))
+    steps: list[Step] = []
+    snapshots: dict[int, Snapshot] = {}
+    seconds: list[float] = []
+    final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
+    status, reason, timed_out = Status.FAILED, "", False
+    try:
+        with _time_limit(timeout):
+            strategy = make_strategy(spec.factory, spec.parameters)
+            if spec.reference:
+                strategy.reset_with_world(spec.generator("strategy"), world)
+            else:
+                strategy.reset(spec.generator("strategy"))
+            events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"), lap)
+            ending = _play(events, strategy, steps, snapshots, seconds)
+            status, reason = ending.status, ending.reason
+            snapshots[len(steps) - 1] = take_snapshot(ending.belief)
+            final_poses = ending.belief.poses
+            final_covariances = ending.belief.pose_covariances[:, [0, 0, 1], [0, 1, 1]]
+    except OutOfTime:
+        timed_out = True
+        reason = f"took longer than the {timeout:g} s allowed (at decision {len(seconds)})"
+    except ChoiceError as error:
+        reason = f"{error} (at decision {len(seconds)})"
+    except (Exception, SystemExit) as error:
+        reason = f"{describe(error)} (at decision {len(seconds)})"
+    return TrialResult(
+        spec=spec,
+        world=world,
+        status=status,
+        reason=reason,
+        steps=steps,
+        snapshots=snapshots,
+        final_poses=final_poses,
+        final_covariances=final_covariances,
+        decision_seconds=seconds,
+        seconds=time.perf_counter() - begin,
+        timed_out=timed_out,
+    )
+
+
+def _play(
+    events: Generator[Observation | Step, int | None, Ending],
+    strategy: Any,
+    steps: list[Step],
+    snapshots: dict[int, Snapshot],
+    seconds: list[float],
+) -> Ending:
+    """Let a strategy choose through a rollout, noting rows, snapshots and times as they come."""
+    choice = None
+    while True:
+        try:
+            event = events.send(choice)
+        except StopIteration as stop:
+            ending: Ending = stop.value
+            return ending
+        choice = None
+        if isinstance(event, Step):
+            steps.append(event)
+            continue
+        begin = time.perf_counter()
+        choice = strategy.choose(event)
+        seconds.append(time.perf_counter() - begin)
+        if isinstance(choice, int | np.integer):
+            snapshots[len(steps) - 1] = take_snapshot(event.belief, event.candidates.tolist(), int(choice))
+
+
+class OutOfTime(BaseException):
+    """A trial took longer than it may; no `except Exception` of a strategy holds it."""
+
+
+@contextmanager
+def _time_limit(seconds: float | None) -> Iterator[None]:
+    """Raise OutOfTime in the block after some seconds, where the platform has timers and this is the main thread."""
+    if not seconds or not math.isfinite(seconds) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def expire(signum: int, frame: object) -> None:
+        raise OutOfTime
+
+    previous = signal.signal(signal.SIGALRM, expire)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, previous)
