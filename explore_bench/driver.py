@@ -64,9 +64,7 @@ def _command(
 
 
 @jit
-def _follow(
-    pose: Pose, waypoints: Array, step_length: float, turn_threshold: float, arrival_radius: float
-) -> Array:
+def _follow(pose: Pose, waypoints: Array, step_length: float, turn_threshold: float, arrival_radius: float) -> Array:
     commands = []
     for w in range(waypoints.shape[0]):
         waypoint = (waypoints[w, 0], waypoints[w, 1])

@@ -84,6 +84,10 @@ class Store:
         self.folder = folder
         self.runs = folder / "runs"
 
+    def exists(self) -> bool:
+        """Whether the folder has been made ready before."""
+        return (self.runs / PROTOCOL_FILE).exists()
+
     def open(self, root: int, purpose: str) -> None:
         """Make the folder ready for trials of one root seed and purpose."""
         protocol = {"schema": SCHEMA_VERSION, "root": root, "purpose": purpose}
@@ -94,13 +98,10 @@ class Store:
                 _write_atomically(file, json.dumps(protocol).encode())
         except OSError as error:
             raise RequestError(
-                f"results folder '{self.folder}' cannot be written ({error.strerror}); "
-                "give another with --results."
+                f"results folder '{self.folder}' cannot be written ({error.strerror}); give another with --results."
             ) from None
         if not os.access(self.runs, os.W_OK):
-            raise RequestError(
-                f"results folder '{self.folder}' is not writable; give another with --results."
-            )
+            raise RequestError(f"results folder '{self.folder}' is not writable; give another with --results.")
         stored = self.protocol()
         for name, words in (("schema", "record version"), ("root", "root seed"), ("purpose", "purpose")):
             if stored[name] != protocol[name]:
@@ -167,6 +168,10 @@ class Store:
             ),
             timed_out=values["timed_out"],
         )
+
+    def find(self, spec: TrialSpec) -> TrialRecord:
+        """Read a stored trial."""
+        return self.read(self.path(trial_key(spec)))
 
     def replay(self, spec: TrialSpec) -> Replay:
         """Read the replay of a stored trial."""

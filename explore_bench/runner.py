@@ -15,9 +15,9 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from explore_bench.errors import RequestError
 from explore_bench.records import Store, missing
-from explore_bench.spec import TrialSpec
+from explore_bench.spec import Status, TrialSpec
 from explore_bench.strategy import make_strategy
-from explore_bench.trial import Status, run_trial
+from explore_bench.trial import run_trial
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,16 +29,13 @@ DEFAULT_TIMEOUT = 600.0
 GRACE = 60.0
 """Seconds beyond its limit after which a trial that cannot be interrupted ends the run."""
 
-ONE_THREAD = {
-    name: "1"
-    for name in (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "NUMBA_NUM_THREADS",
-        "TBB_NUM_THREADS",
-    )
-}
+THREAD_SETTINGS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "TBB_NUM_THREADS",
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Outcome:
     decision_seconds: tuple[float, ...]
 
 
-class Incomplete(RuntimeError):
+class IncompleteError(RuntimeError):
     """A run ended before its plan was done; what it finished is stored (exit code 3)."""
 
 
@@ -73,14 +70,14 @@ def execute(
 
     Raises
     ------
-    Incomplete : when a worker process died, or a trial could not be interrupted.
+    IncompleteError : when a worker process died, or a trial could not be interrupted.
     """
     if not specs:
         return
     longest_first = sorted(specs, key=lambda spec: (-spec.scenario.cell_count, spec.trial, spec.strategy))
     jobs = 1 if backend == "sequential" else min(workers, len(specs))
     tasks = (joblib.delayed(_run_and_store)(spec, store, timeout) for spec in longest_first)
-    with _environment(ONE_THREAD):
+    with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
         if jobs > 1:
             warm_up(specs[0])
         parallel = joblib.Parallel(
@@ -93,20 +90,18 @@ def execute(
         try:
             yield from parallel(tasks)
         except TerminatedWorkerError:
-            raise Incomplete(
+            raise IncompleteError(
                 "a worker process died (killed, or out of memory); run the same command again"
             ) from None
         except TimeoutError:
-            raise Incomplete(
+            raise IncompleteError(
                 f"a trial took longer than {timeout:g} s and could not be interrupted; mend its strategy"
             ) from None
 
 
 def warm_up(spec: TrialSpec) -> None:
     """Compile and cache every kernel in this process, lest each worker compile its own."""
-    tiny = spec.scenario.replace(
-        size=spec.scenario.cell_size * 5, landmark_count=2, obstacle_count=1, coverage=1.0
-    )
+    tiny = spec.scenario.replace(size=spec.scenario.cell_size * 5, landmark_count=2, obstacle_count=1, coverage=1.0)
     run_trial(TrialSpec("warm-up", "explore_bench.runner:WarmUp", tiny, trial=0, purpose="calibrate"))
 
 
@@ -130,7 +125,7 @@ def check_runnable(specs: Sequence[TrialSpec]) -> None:
     ------
     RequestError : for the first that cannot be made.
     """
-    seen = {}
+    seen: dict[str, TrialSpec] = {}
     for spec in specs:
         seen.setdefault(spec.strategy, spec)
     for spec in seen.values():
@@ -138,9 +133,7 @@ def check_runnable(specs: Sequence[TrialSpec]) -> None:
         begin = "reset_with_world" if spec.reference else "reset"
         for method in (begin, "choose"):
             if not callable(getattr(made, method, None)):
-                raise RequestError(
-                    f"strategy '{spec.strategy}' ({spec.factory}) has no method {method}; add it."
-                )
+                raise RequestError(f"strategy '{spec.strategy}' ({spec.factory}) has no method {method}; add it.")
 
 
 def run(
@@ -172,7 +165,7 @@ def run(
     Raises
     ------
     RequestError : where the request or the folder is wrong.
-    Incomplete : where the run ended early.
+    IncompleteError : where the run ended early.
     """
     from explore_bench.results import select, write_times, write_trials
     from explore_bench.scenario import load_scenario

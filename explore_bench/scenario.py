@@ -51,16 +51,10 @@ class Scenario(BaseModel):
 
     # Motion
     step_length: Positive = Field(0.5, description="longest straight step [m] (calibrated)")
-    turn_threshold_deg: Positive = Field(
-        15.0, le=90, description="bearing error that asks for a turn [°] (ours)"
-    )
+    turn_threshold_deg: Positive = Field(15.0, le=90, description="bearing error that asks for a turn [°] (ours)")
     arrival_radius: Positive = Field(0.25, description="distance at which a waypoint is reached [m] (ours)")
-    odometry_sigma: Positive = Field(
-        0.07, description="noise along and across, a straight step [m] (calibrated)"
-    )
-    turn_sigma: Positive = Field(
-        0.001, description="the same of a turn in place [m]: a factor needs some (ours)"
-    )
+    odometry_sigma: Positive = Field(0.07, description="noise along and across, a straight step [m] (calibrated)")
+    turn_sigma: Positive = Field(0.001, description="the same of a turn in place [m]: a factor needs some (ours)")
     heading_sigma_deg: Positive = Field(0.2, description="noise of the heading, every step [°] (as [8])")
     prior_sigma: Positive = Field(0.05, description="prior of the start, x and y [m] (as [8])")
     prior_heading_sigma_deg: Positive = Field(0.01, description="prior of the start's heading [°] (as [8])")
@@ -78,9 +72,7 @@ class Scenario(BaseModel):
     )
     hit: Probability = Field(0.7, description="inverse sensor model of an occupied cell ([8])")
     miss: Probability = Field(0.3, description="inverse sensor model of a free cell ([8])")
-    occupancy_clamp: Probability = Field(
-        0.05, lt=0.5, description="probabilities stay within [c, 1 − c] ([8])"
-    )
+    occupancy_clamp: Probability = Field(0.05, lt=0.5, description="probabilities stay within [c, 1 − c] ([8])")
 
     # Candidates and protocol (§4.1)
     candidates_per_robot: int = Field(5, ge=0, description="frontier cells nearest to the robot (§4.1)")
@@ -88,9 +80,7 @@ class Scenario(BaseModel):
     path_tolerance: Positive = Field(
         1.0, description="distance off the path's segment that ends a decision [m] (ours: half a cell)"
     )
-    coverage: Annotated[float, Field(gt=0, le=1)] = Field(
-        0.9, description="known share that ends a trial (§4.1)"
-    )
+    coverage: Annotated[float, Field(gt=0, le=1)] = Field(0.9, description="known share that ends a trial (§4.1)")
     steps_per_cell: Positive = Field(10.0, description="step limit per cell of the map (ours)")
     stuck_decisions: int = Field(20, ge=1, description="decisions in one cell that end a trial (ours)")
 
@@ -105,9 +95,7 @@ class Scenario(BaseModel):
         if abs(self.size / self.cell_size - round(self.size / self.cell_size)) > 1e-9:
             raise ValueError(f"size {self.size:g} m is no multiple of cell_size {self.cell_size:g} m")
         if not 4 <= self.cell_count <= MAX_CELLS:
-            raise ValueError(
-                f"size {self.size:g} m gives {self.cell_count} cells; keep it from 4 to {MAX_CELLS}"
-            )
+            raise ValueError(f"size {self.size:g} m gives {self.cell_count} cells; keep it from 4 to {MAX_CELLS}")
         if self.obstacles + self.landmarks >= self.cell_count:
             raise ValueError(
                 f"{self.obstacles} obstacles and {self.landmarks} landmarks leave no free cell among "
@@ -116,13 +104,9 @@ class Scenario(BaseModel):
         if self.miss >= 0.5 or self.hit <= 0.5:
             raise ValueError(f"miss {self.miss:g} and hit {self.hit:g} must lie on either side of 0.5")
         if self.min_landmark_range >= self.sensor_range:
-            raise ValueError(
-                f"min_landmark_range {self.min_landmark_range:g} m hides all within sensor_range"
-            )
+            raise ValueError(f"min_landmark_range {self.min_landmark_range:g} m hides all within sensor_range")
         if not self.candidates_per_robot + self.candidates_per_landmark:
-            raise ValueError(
-                "candidates_per_robot 0 and candidates_per_landmark 0 leave nothing to choose from"
-            )
+            raise ValueError("candidates_per_robot 0 and candidates_per_landmark 0 leave nothing to choose from")
         return self
 
     @cached_property
@@ -209,9 +193,7 @@ def load_scenario(name_or_file: str) -> Scenario:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise RequestError(f"scenario file '{path}' cannot be read ({reason}); give a TOML file.") from None
     except tomllib.TOMLDecodeError as error:
-        raise RequestError(
-            f"scenario file '{path}' is not TOML ({error}); write lines like size = 20.0."
-        ) from None
+        raise RequestError(f"scenario file '{path}' is not TOML ({error}); write lines like size = 20.0.") from None
     base = values.pop("extends", "paper")
     if base not in SCENARIOS:
         raise unknown(f"scenario file '{path}': extends", str(base), SCENARIOS)

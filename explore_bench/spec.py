@@ -1,15 +1,25 @@
-"""What defines a trial."""
+"""What defines a trial, and how it can end."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
 from explore_bench.scenario import Scenario
 from explore_bench.seeding import Purpose, Role, stream
+
+
+class Status(StrEnum):
+    """How a trial ended."""
+
+    EXPLORED = "explored"
+    STEP_LIMIT = "step_limit"
+    STUCK = "stuck"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True)

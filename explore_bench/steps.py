@@ -48,9 +48,7 @@ class Step(NamedTuple):
     explored: Annotated[float, Column("float64", "1", "known share of the map")]
     path_length: Annotated[float, Column("float64", "m", "length of the straight commands so far")]
     turned: Annotated[float, Column("float64", "rad", "sum of the magnitudes of the turns so far")]
-    collisions: Annotated[
-        int, Column("int32", "1", "entries of the true robot into obstacles or off the map")
-    ]
+    collisions: Annotated[int, Column("int32", "1", "entries of the true robot into obstacles or off the map")]
     mislabelled: Annotated[int, Column("int32", "1", "known cells believed to be what they are not")]
     landmarks: Annotated[int, Column("int32", "1", "landmarks seen so far")]
 
@@ -69,14 +67,10 @@ FINAL_COLUMNS: dict[str, Column] = {
 }
 
 REPLAY_COLUMNS: dict[str, Column] = {
-    "candidates": Column(
-        "list<int32>", "cell", "choices of the decision made at this step; null where none was"
-    ),
+    "candidates": Column("list<int32>", "cell", "choices of the decision made at this step; null where none was"),
     "choice": Column("int32", "1", "index of the chosen one"),
     "map": Column("binary", "1", "occupancy of each cell: 0–200 for probabilities 0–1, 255 unknown"),
-    "ellipses": Column(
-        "binary", "1", "virtual landmarks: half axes in σ₀/250, angle in π/256; 3 bytes a cell"
-    ),
+    "ellipses": Column("binary", "1", "virtual landmarks: half axes in σ₀/250, angle in π/256; 3 bytes a cell"),
     "landmark_estimates": Column("list<float32>", "m, m²", "x, y, xx, xy, yy of each landmark seen"),
 }
 
@@ -118,6 +112,4 @@ def unpack_map(packed: bytes, cells: int) -> np.ndarray:
 def unpack_ellipses(packed: bytes, cells: int, virtual_sigma: float) -> np.ndarray:
     """Half axes [m] and angle [rad] of every virtual landmark's 1-σ ellipse, shape (n, n, 3)."""
     values = np.frombuffer(packed, dtype=np.uint8).reshape(cells, cells, 3).astype(float)
-    return values * np.array(
-        [virtual_sigma / _AXIS_LEVELS, virtual_sigma / _AXIS_LEVELS, np.pi / _ANGLE_LEVELS]
-    )
+    return values * np.array([virtual_sigma / _AXIS_LEVELS, virtual_sigma / _AXIS_LEVELS, np.pi / _ANGLE_LEVELS])

@@ -80,6 +80,10 @@ class Reference(Protocol):
         """Return the index of the chosen candidate, 0 ≤ index < C."""
 
 
+Published = dict[tuple[str, float, str], float]
+"""Values that the paper prints, keyed by table, size [m] and metric."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """A registered strategy.
@@ -92,6 +96,7 @@ class Entry:
     color : its fixed colour, "#rrggbb".
     parameters : keyword arguments of the factory.
     tables : the paper's tables that it belongs to.
+    published : what those tables print of it.
     reference : whether it is told the truth; it is marked so in every table and compared with nobody.
     """
 
@@ -100,6 +105,7 @@ class Entry:
     color: str = "#7f7f7f"
     parameters: Mapping[str, Any] = field(default_factory=dict)
     tables: tuple[str, ...] = ("table2", "table3")
+    published: Published = field(default_factory=dict)
     reference: bool = False
 
     def __post_init__(self) -> None:
@@ -133,20 +139,14 @@ def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
     try:
         module = _load_file(Path(place)) if place.endswith(".py") else importlib.import_module(place)
     except (Exception, SystemExit) as error:
-        raise RequestError(
-            f"strategy '{factory}' cannot be imported ({describe(error)}); mend that."
-        ) from error
+        raise RequestError(f"strategy '{factory}' cannot be imported ({describe(error)}); mend that.") from error
     if not hasattr(module, name):
-        raise RequestError(
-            f"strategy '{factory}': '{place}' has no '{name}'; name something that it defines."
-        )
+        raise RequestError(f"strategy '{factory}': '{place}' has no '{name}'; name something that it defines.")
     try:
         return getattr(module, name)(**parameters)
     except (Exception, SystemExit) as error:
         shown = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
-        raise RequestError(
-            f"strategy '{factory}' cannot be made with ({shown}): {describe(error)}."
-        ) from error
+        raise RequestError(f"strategy '{factory}' cannot be made with ({shown}): {describe(error)}.") from error
 
 
 def describe(error: BaseException) -> str:

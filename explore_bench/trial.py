@@ -9,7 +9,6 @@ import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -24,18 +23,9 @@ from explore_bench.simulator.sensor import Sensor
 from explore_bench.simulator.world import World, draw_world
 from explore_bench.slam.belief import Belief
 from explore_bench.slam.smoother import Lap, Smoother, no_lap
-from explore_bench.spec import TrialSpec
+from explore_bench.spec import Status, TrialSpec
 from explore_bench.steps import Snapshot, Step, take_snapshot
 from explore_bench.strategy import Observation, describe, make_strategy
-
-
-class Status(str, Enum):
-    """How a trial ended."""
-
-    EXPLORED = "explored"
-    STEP_LIMIT = "step_limit"
-    STUCK = "stuck"
-    FAILED = "failed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +92,7 @@ def rollout(
             paths=found.paths,
             path_lengths=found.lengths,
         )
+        lap("decision")
         index = _checked(choice, len(found.cells))
         simulation.decisions += 1
         arrived = False
@@ -121,9 +112,7 @@ def _checked(choice: object, count: int) -> int:
             f"the answer {choice!r} is of type {type(choice).__name__}; answer an integer index, 0 to {count - 1}"
         )
     if not 0 <= choice < count:
-        raise ChoiceError(
-            f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}"
-        )
+        raise ChoiceError(f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}")
     return int(choice)
 
 
@@ -196,6 +185,7 @@ class _Simulation:
         self.arrived = True
 
     def _advance(self, command: Command) -> None:
+        self._lap("driver")
         self.steps += 1
         self._turned += abs(command[0])
         self._length += command[1]
@@ -214,20 +204,22 @@ class _Simulation:
         smoother = self.smoother
         covariance = smoother.pose_covariances[-1]
         occupancy = smoother.occupancy
-        row = Step(
-            self.steps,
-            self.decisions,
-            *self._robot.pose,
-            *smoother.pose,
-            *covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
-            smoother.virtual_map.uncertainty,
-            *smoother.peak_traces,
-            smoother.explored,
-            self._length,
-            self._turned,
-            self._robot.collisions,
-            int(np.count_nonzero(occupancy.known & (occupancy.occupied != self._truth))),
-            len(smoother.landmarks),
+        row = Step._make(
+            (
+                self.steps,
+                self.decisions,
+                *self._robot.pose,
+                *smoother.pose,
+                *covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
+                smoother.virtual_map.uncertainty,
+                *smoother.peak_traces,
+                smoother.explored,
+                self._length,
+                self._turned,
+                self._robot.collisions,
+                int(np.count_nonzero(occupancy.known & (occupancy.occupied != self._truth))),
+                len(smoother.landmarks),
+            )
         )
         self._lap("row")
         return row
@@ -239,9 +231,7 @@ def _needed_cells(path: NDArray[np.int64], n: int) -> tuple[NDArray[np.int64], N
     segments = np.arange(len(path) - 1)
     diagonal = (rows[1:] != rows[:-1]) & (columns[1:] != columns[:-1])
     sides = (rows[:-1] * n + columns[1:])[diagonal], (rows[1:] * n + columns[:-1])[diagonal]
-    return np.concatenate((path[1:], *sides)), np.concatenate(
-        (segments, segments[diagonal], segments[diagonal])
-    )
+    return np.concatenate((path[1:], *sides)), np.concatenate((segments, segments[diagonal], segments[diagonal]))
 
 
 @dataclass(frozen=True)

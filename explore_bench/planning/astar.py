@@ -33,6 +33,9 @@ def shortest_path(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArr
 
 @jit
 def _octile(cell: int, goal: int, n: int) -> float:
+    """Length of the shortest path on an empty grid: never too long, so A* is exact. 0 where there is no goal."""
+    if goal < 0:
+        return 0.0
     rows, columns = abs(cell // n - goal // n), abs(cell % n - goal % n)
     return max(rows, columns) + (SQRT2 - 1.0) * min(rows, columns)
 
@@ -56,6 +59,34 @@ def may_step(free: NDArray[np.bool_], row: int, column: int, direction: int, sta
 
 @jit
 def _astar(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.int64], float]:
+    cost, parent = search(free, start, goal)
+    if cost[goal] == np.inf:
+        return np.empty(0, dtype=np.int64), np.inf
+    return trace(parent, goal), cost[goal]
+
+
+@jit
+def trace(parent: NDArray[np.int64], goal: int) -> NDArray[np.int64]:
+    """Cells from the start of a search to a cell that it reached, shape (P,)."""
+    length = 1
+    cell = goal
+    while parent[cell] >= 0:
+        cell = parent[cell]
+        length += 1
+    path = np.empty(length, dtype=np.int64)
+    cell = goal
+    for k in range(length - 1, -1, -1):
+        path[k] = cell
+        cell = parent[cell]
+    return path
+
+
+@jit
+def search(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cost [cell edges] and parent of every cell, shape (n²,): exact up to the goal, for all cells if goal < 0.
+
+    A cell that was not reached has an infinite cost; the start has no parent (−1).
+    """
     n = free.shape[0]
     cost = np.full(n * n, np.inf)
     parent = np.full(n * n, -1, dtype=np.int64)
@@ -85,19 +116,7 @@ def _astar(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.i
                 parent[neighbour] = cell
                 _push(heap_key, heap_cell, size, through + _octile(neighbour, goal, n), neighbour)
                 size += 1
-    if not closed[goal]:
-        return np.empty(0, dtype=np.int64), np.inf
-    length = 1
-    cell = goal
-    while cell != start:
-        cell = parent[cell]
-        length += 1
-    path = np.empty(length, dtype=np.int64)
-    cell = goal
-    for k in range(length - 1, -1, -1):
-        path[k] = cell
-        cell = parent[cell]
-    return path, cost[goal]
+    return cost, parent
 
 
 @jit
@@ -108,9 +127,7 @@ def _before(key: float, cell: int, other_key: float, other_cell: int) -> bool:
 
 
 @jit
-def _push(
-    heap_key: NDArray[np.float64], heap_cell: NDArray[np.int64], size: int, key: float, cell: int
-) -> None:
+def _push(heap_key: NDArray[np.float64], heap_cell: NDArray[np.int64], size: int, key: float, cell: int) -> None:
     k = size
     while k > 0:
         up = (k - 1) // 2
@@ -128,9 +145,7 @@ def _sift_down(heap_key: NDArray[np.float64], heap_cell: NDArray[np.int64], size
     k = 0
     while 2 * k + 1 < size:
         child = 2 * k + 1
-        if child + 1 < size and _before(
-            heap_key[child + 1], heap_cell[child + 1], heap_key[child], heap_cell[child]
-        ):
+        if child + 1 < size and _before(heap_key[child + 1], heap_cell[child + 1], heap_key[child], heap_cell[child]):
             child += 1
         if not _before(heap_key[child], heap_cell[child], key, cell):
             break

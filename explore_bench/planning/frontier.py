@@ -89,7 +89,7 @@ def find_candidates(ground: Ground, withheld: Withheld) -> Candidates:
     free_all = ~ground.blocked
     for allow_withheld in (False, True):
         for free in (free_known, free_all):
-            frontier = _frontiers(ground.known, free_known, free, ground.own_cell)
+            frontier = frontier_cells(ground.known, free_known, free, ground.own_cell)
             if not allow_withheld:
                 frontier = np.array(
                     [c for c in frontier.tolist() if not withheld.holds(c, ground.known)], dtype=np.int64
@@ -120,7 +120,7 @@ def _plan(ground: Ground, free: NDArray[np.bool_], cells: NDArray[np.int64]) -> 
 
 
 @jit
-def _frontiers(
+def frontier_cells(
     known: NDArray[np.bool_], free_known: NDArray[np.bool_], free: NDArray[np.bool_], start: int
 ) -> NDArray[np.int64]:
     """Frontier cells reachable from `start` through `free`, without the start itself, ascending.

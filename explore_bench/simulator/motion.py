@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.driver import Command
-from explore_bench.geometry import Array, Pose, compose
+from explore_bench.geometry import Pose, compose
 from explore_bench.scenario import Scenario
 from explore_bench.simulator.world import World
 
@@ -46,7 +47,7 @@ class Robot:
 
 
 @jit
-def _entries(start: Pose, end: Pose, obstacles: Array, cell_size: float) -> int:
+def _entries(start: Pose, end: Pose, obstacles: NDArray[np.bool_], cell_size: float) -> int:
     """Count the times that the segment from start to end passes from free to blocked ground."""
     n = obstacles.shape[0]
     count = 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose, wrap_angle
@@ -40,9 +41,7 @@ class Sensor:
             self._range,
             self._occlusion,
         )
-        patch, origin_x, origin_y = _patch(
-            pose, self._obstacles, self._cell_size, self._reach, self._occlusion
-        )
+        patch, origin_x, origin_y = _patch(pose, self._obstacles, self._cell_size, self._reach, self._occlusion)
         return Scan(
             landmarks=seen,
             bearings=bearings + self._bearing_sigma * normals[seen, 0],
@@ -57,12 +56,12 @@ class Sensor:
 def _sight(
     pose: Pose,
     landmarks: Array,
-    obstacles: Array,
+    obstacles: NDArray[np.bool_],
     cell_size: float,
     min_range: float,
     max_range: float,
     occlusion: bool,
-) -> tuple[Array, Array, Array]:
+) -> tuple[NDArray[np.int64], Array, Array]:
     count = landmarks.shape[0]
     seen = np.empty(count, dtype=np.int64)
     bearings = np.empty(count)
@@ -84,8 +83,8 @@ def _sight(
 
 @jit
 def _patch(
-    pose: Pose, obstacles: Array, cell_size: float, reach: int, occlusion: bool
-) -> tuple[Array, float, float]:
+    pose: Pose, obstacles: NDArray[np.bool_], cell_size: float, reach: int, occlusion: bool
+) -> tuple[NDArray[np.uint8], float, float]:
     """Cut the (2 reach + 1)² cells around the robot's own; points outside the map read occupied."""
     n = obstacles.shape[0]
     column0 = int(math.floor(pose[0] / cell_size)) - reach
@@ -105,7 +104,7 @@ def _patch(
 
 
 @jit
-def _clear(x0: float, y0: float, x1: float, y1: float, obstacles: Array, cell_size: float) -> bool:
+def _clear(x0: float, y0: float, x1: float, y1: float, obstacles: NDArray[np.bool_], cell_size: float) -> bool:
     """Whether no obstacle lies between two points; the cells that hold the points themselves do not count.
 
     Walks the cells of the segment in order (Amanatides and Woo 1987).

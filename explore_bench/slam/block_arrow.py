@@ -89,9 +89,7 @@ def eliminate(
                     + f1 * odometry_from[k, 1, j]
                     + f2 * odometry_from[k, 2, j]
                 )
-                gains[k, i, j] = (
-                    f0 * odometry_to[k, 0, j] + f1 * odometry_to[k, 1, j] + f2 * odometry_to[k, 2, j]
-                )
+                gains[k, i, j] = f0 * odometry_to[k, 0, j] + f1 * odometry_to[k, 1, j] + f2 * odometry_to[k, 2, j]
         _invert3(block, pivots, k)
         for c in range(3):  # G = P J in place, keeping J in `block`
             j0, j1, j2 = gains[k, 0, c], gains[k, 1, c], gains[k, 2, c]

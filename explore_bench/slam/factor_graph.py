@@ -75,13 +75,9 @@ class FactorGraph:
             if number is None:
                 number = self._number[landmark] = len(self._number)
                 angle = guess[2] + bearing
-                point = np.array(
-                    [guess[0] + distance * math.cos(angle), guess[1] + distance * math.sin(angle)]
-                )
+                point = np.array([guess[0] + distance * math.cos(angle), guess[1] + distance * math.sin(angle)])
                 values.insert(L(number), point)
-            graph.add(
-                gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting)
-            )
+            graph.add(gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting))
         result = self._isam.update(graph, values)
         return command is None or len(scan.landmarks) > 0 or result.getVariablesRelinearized() > 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from explore_bench.driver import Command
 from explore_bench.geometry import Array
@@ -136,7 +137,7 @@ class Marginals:
         )
 
     @property
-    def _sightings(self) -> tuple[Array, Array, Array, Array]:
+    def _sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, Array]:
         return (
             self._sighting_poses.view,
             self._sighting_landmarks.view,

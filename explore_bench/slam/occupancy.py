@@ -78,9 +78,7 @@ def place_scans(
                 if dx * dx + dy * dy > reach2:
                     continue
                 u, v = origins[i, 0] + c * dx - s * dy, origins[i, 1] + s * dx + c * dy
-                value = patches[
-                    i, min(max(int(v / cell_size), 0), side - 1), min(max(int(u / cell_size), 0), side - 1)
-                ]
+                value = patches[i, min(max(int(v / cell_size), 0), side - 1), min(max(int(u / cell_size), 0), side - 1)]
                 if value == 2:
                     continue
                 known[cell] = True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.driver import Driver
@@ -89,9 +89,7 @@ def predict(belief: Belief, path: ArrayLike) -> Prediction:
         belief.pose, commands, belief.landmarks.copy(), scenario.min_landmark_range, scenario.sensor_range
     )
     odometry_from, odometry_to = np.empty((added, 3, 3)), np.empty((added, 3, 3))
-    linearize_odometry(
-        0, poses, commands, noise.straight, noise.turn, noise.heading, odometry_from, odometry_to
-    )
+    linearize_odometry(0, poses, commands, noise.straight, noise.turn, noise.heading, odometry_from, odometry_to)
     of_pose, of_landmark = np.empty((len(sighting_poses), 2, 3)), np.empty((len(sighting_poses), 2, 2))
     linearize_sightings(
         0,
@@ -154,7 +152,7 @@ def predict(belief: Belief, path: ArrayLike) -> Prediction:
 @jit
 def _roll_out(
     pose: Pose, commands: Array, landmarks: Array, min_range: float, max_range: float
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Poses after each command (row 0: the start), and the sightings (row of the pose, landmark) they would make."""
     steps, count = commands.shape[0], landmarks.shape[0]
     poses = np.empty((steps + 1, 3))

@@ -19,7 +19,6 @@ from explore_bench.geometry import Array, cells_in_reach
 from explore_bench.scenario import Scenario
 from explore_bench.slam.occupancy import point_in_patch
 
-
 Constants = tuple[int, float, float, float, float, bool, bool]
 """(cells a side, cell size, sensor range, bearing σ, range σ, least determinant?, first sight replaces?)"""
 

@@ -1,0 +1,257 @@
+"""A reference that knows the truth: how fast could anyone explore this world? Never a competitor.
+
+It plans without noise on the true map, by beam search over decisions among the same kind of candidates as everyone
+(5 nearest to the robot, 3 nearest to each landmark seen), until the map is covered, and replans at each decision.
+A beam is no exhaustive search, so its time is an upper bound of the best one and a regret to it may be negative.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench import Observation, World
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, cell_of, centres, wrap_angle
+from explore_bench.planning.astar import search, trace
+from explore_bench.planning.frontier import frontier_cells
+from explore_bench.scenario import Scenario
+
+BEAM = 24
+"""Plans kept at each depth; docs/clairvoyant.md shows what wider beams gain."""
+
+STEPS_PER_CELL = 1.2
+"""Steps that a plan is expected to need for each cell still unknown: ranks plans of one depth."""
+
+
+class Clairvoyant:
+    """Chooses the first decision of the fastest plan that it finds on the true map."""
+
+    def __init__(self, beam: int = BEAM, steps_per_cell: float = STEPS_PER_CELL) -> None:
+        self.beam, self.steps_per_cell = beam, steps_per_cell
+
+    def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
+        """Begin a trial in a world that is known; there is nothing to draw."""
+        n, size = world.cells, world.cell_size
+        self._obstacles = world.obstacles.reshape(-1).copy()
+        self._landmarks = world.landmarks.copy()
+        self._landmark_cells = np.array([cell_of(x, y, n, size) for x, y in world.landmarks], dtype=np.int64)
+        self._view: NDArray[np.int64] | None = None
+
+    def choose(self, observation: Observation) -> int:
+        """Return the index of the candidate with which the fastest plan begins."""
+        scenario, belief = observation.scenario, observation.belief
+        if self._view is None:
+            self._view = views(scenario)
+        seen = np.zeros(len(self._landmarks), dtype=bool)
+        seen[belief.landmark_ids] = True
+        starts = np.cumsum([0] + [len(path) for path in observation.paths])
+        return _plan(
+            belief.known.reshape(-1).copy(),
+            seen,
+            observation.pose[2],
+            np.concatenate(observation.paths),
+            starts,
+            self._obstacles,
+            self._landmarks,
+            self._landmark_cells,
+            self._view,
+            (scenario.cells, scenario.cell_size, scenario.sensor_range),
+            (scenario.step_length, math.radians(scenario.turn_threshold_deg)),
+            (scenario.candidates_per_robot, scenario.candidates_per_landmark),
+            math.ceil(scenario.coverage * scenario.cell_count - 1e-9),
+            self.beam,
+            self.steps_per_cell,
+        )
+
+
+def views(scenario: Scenario) -> NDArray[np.int64]:
+    """Cells in range of each cell's centre, shape (n², V), filled up with −1."""
+    points = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
+    inside = ((points[:, None] - points) ** 2).sum(axis=2) <= scenario.sensor_range**2
+    result = np.full((scenario.cell_count, int(inside.sum(axis=1).max())), -1, dtype=np.int64)
+    for cell, row in enumerate(inside):
+        found = np.flatnonzero(row)
+        result[cell, : len(found)] = found
+    return result
+
+
+@jit
+def _plan(
+    known: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    heading: float,
+    first_paths: NDArray[np.int64],
+    first_starts: NDArray[np.int64],
+    obstacles: NDArray[np.bool_],
+    landmarks: Array,
+    landmark_cells: NDArray[np.int64],
+    view: NDArray[np.int64],
+    grid: tuple[int, float, float],
+    motion: tuple[float, float],
+    counts: tuple[int, int],
+    target: int,
+    beam: int,
+    steps_per_cell: float,
+) -> int:
+    """Beam search to the end of the exploration; returns the first choice of the fastest plan."""
+    n, cell_size, reach = grid
+    cells, choices = n * n, counts[0] + counts[1] * landmarks.shape[0]
+    room = beam * max(choices, 1) + first_starts.shape[0]
+    # plans of this depth: what they know, where they are, how long they took, and with what they began
+    knowns, seens = np.zeros((beam, cells), dtype=np.bool_), np.zeros((beam, seen.shape[0]), dtype=np.bool_)
+    places, headings = np.zeros(beam, dtype=np.int64), np.zeros(beam)
+    times, totals, firsts = np.zeros(beam), np.zeros(beam, dtype=np.int64), np.zeros(beam, dtype=np.int64)
+    parents = np.full((beam, cells), -1, dtype=np.int64)
+    # their continuations
+    child_from, child_goal = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64)
+    child_time, child_score = np.zeros(room), np.zeros(room)
+    child_hash, child_first = np.zeros(room, dtype=np.uint64), np.zeros(room, dtype=np.int64)
+    mark = np.zeros(cells, dtype=np.int64)
+    stamp = 0
+    knowns[0], seens[0], headings[0], totals[0] = known, seen, heading, known.sum()
+    alive, depth, best_time, best_first = 1, 0, np.inf, 0
+    while alive > 0:
+        if depth > 0 and best_time == np.inf:
+            best_first = firsts[0]  # should no plan reach the target, the most promising one is followed
+        children = 0
+        for b in range(alive):
+            if depth == 0:
+                goals = np.arange(first_starts.shape[0] - 1)
+            else:
+                free = _known_free(knowns[b], seens[b], obstacles, landmark_cells).reshape(n, n)
+                _, parents[b] = search(free, places[b], -1)
+                frontier = frontier_cells(knowns[b].reshape(n, n), free, free, places[b])
+                goals = _select(frontier, places[b], landmarks[seens[b]], grid, counts)
+            for goal in goals:
+                path = (
+                    first_paths[first_starts[goal] : first_starts[goal + 1]] if depth == 0 else trace(parents[b], goal)
+                )
+                stamp += 1
+                time, total = times[b], totals[b]
+                direction = headings[b]
+                code = np.uint64(path[-1])
+                for k in range(path.shape[0]):
+                    if k > 0:
+                        elapsed, direction = _drive(path[k - 1], path[k], direction, n, cell_size, motion)
+                        time += elapsed
+                    for cell in view[path[k]]:
+                        if cell < 0:
+                            break
+                        if not knowns[b, cell] and mark[cell] != stamp:
+                            mark[cell] = stamp
+                            total += 1
+                    if total >= target:
+                        break
+                first = goal if depth == 0 else firsts[b]
+                if total >= target:
+                    if time < best_time:
+                        best_time, best_first = time, first
+                    continue
+                if total == totals[b] or time >= best_time:
+                    continue
+                for cell in range(cells):
+                    if knowns[b, cell] or mark[cell] == stamp:
+                        code ^= _mix(np.uint64(cell + cells))
+                child_from[children], child_goal[children] = b, goal
+                child_time[children], child_first[children] = time, first
+                child_score[children] = time + steps_per_cell * (target - total)
+                child_hash[children] = code
+                children += 1
+        order = np.argsort(child_score[:children], kind="mergesort")
+        next_knowns, next_seens = knowns.copy(), seens.copy()
+        next_places, next_headings = places.copy(), headings.copy()
+        next_times, next_totals, next_firsts = times.copy(), totals.copy(), firsts.copy()
+        hashes = np.zeros(beam, dtype=np.uint64)
+        alive = 0
+        for c in order:
+            if alive == beam or child_time[c] >= best_time:
+                break
+            if np.any(hashes[:alive] == child_hash[c]):
+                continue
+            b, goal = child_from[c], child_goal[c]
+            path = first_paths[first_starts[goal] : first_starts[goal + 1]] if depth == 0 else trace(parents[b], goal)
+            next_knowns[alive], next_seens[alive] = knowns[b], seens[b]
+            direction = headings[b]
+            for k in range(path.shape[0]):
+                if k > 0:
+                    _, direction = _drive(path[k - 1], path[k], direction, n, cell_size, motion)
+                for cell in view[path[k]]:
+                    if cell >= 0:
+                        next_knowns[alive, cell] = True
+                x, y = (path[k] % n + 0.5) * cell_size, (path[k] // n + 0.5) * cell_size
+                for m in range(landmarks.shape[0]):
+                    if math.hypot(landmarks[m, 0] - x, landmarks[m, 1] - y) <= reach:
+                        next_seens[alive, m] = True
+            next_places[alive], next_headings[alive] = path[-1], direction
+            next_times[alive], next_firsts[alive] = child_time[c], child_first[c]
+            next_totals[alive] = next_knowns[alive].sum()
+            hashes[alive] = child_hash[c]
+            alive += 1
+        knowns, seens, places, headings = next_knowns, next_seens, next_places, next_headings
+        times, totals, firsts = next_times, next_totals, next_firsts
+        depth += 1
+    return best_first
+
+
+@jit
+def _known_free(
+    known: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    obstacles: NDArray[np.bool_],
+    landmark_cells: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    free = known & ~obstacles
+    for m in range(seen.shape[0]):
+        if seen[m]:
+            free[landmark_cells[m]] = False
+    return free
+
+
+@jit
+def _drive(
+    start: int, end: int, heading: float, n: int, cell_size: float, motion: tuple[float, float]
+) -> tuple[float, float]:
+    """Steps from one cell's centre to the next, a turn in place included, and the heading afterwards."""
+    step_length, turn_threshold = motion
+    dx, dy = (end % n - start % n) * cell_size, (end // n - start // n) * cell_size
+    direction = math.atan2(dy, dx)
+    steps = math.ceil(math.hypot(dx, dy) / step_length - 1e-9)
+    if abs(wrap_angle(direction - heading)) > turn_threshold:
+        return steps + 1.0, direction
+    return float(steps), heading
+
+
+@jit
+def _select(
+    frontier: NDArray[np.int64],
+    place: int,
+    landmarks: Array,
+    grid: tuple[int, float, float],
+    counts: tuple[int, int],
+) -> NDArray[np.int64]:
+    """Frontier cells nearest to the robot and to each landmark, as the benchmark's candidates, ascending."""
+    n, cell_size, _ = grid
+    chosen = np.zeros(frontier.shape[0], dtype=np.bool_)
+    for source in range(landmarks.shape[0] + 1):
+        if source == 0:
+            x, y = (place % n + 0.5) * cell_size, (place // n + 0.5) * cell_size
+        else:
+            x, y = landmarks[source - 1, 0], landmarks[source - 1, 1]
+        squared = np.empty(frontier.shape[0])
+        for i in range(frontier.shape[0]):
+            dx, dy = (frontier[i] % n + 0.5) * cell_size - x, (frontier[i] // n + 0.5) * cell_size - y
+            squared[i] = round(dx * dx + dy * dy, 9)
+        order = np.argsort(squared, kind="mergesort")
+        chosen[order[: counts[min(source, 1)]]] = True
+    return frontier[chosen]
+
+
+@jit
+def _mix(value: np.uint64) -> np.uint64:
+    """Scramble an integer (the finalizer of splitmix64), to hash sets of cells by exclusive or."""
+    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return value ^ (value >> np.uint64(31))

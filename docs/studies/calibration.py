@@ -1,0 +1,89 @@
+"""Calibrate what the paper leaves out against Table 2: step length, odometry noise and obstacle density.
+
+Only untrained strategies and only calibration worlds take part. A first pass looks at step length and noise with few
+worlds, a second at the obstacle density of the best, a third at the best of all with more worlds. Run it again with
+
+    python docs/studies/calibration.py [--store FOLDER]
+
+It resumes from its store. docs/calibration.md tells what came of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from explore_bench.metrics import exploration_efficiency, trajectory_error
+from explore_bench.records import Store, missing
+from explore_bench.registry import strategies
+from explore_bench.runner import default_workers, execute
+from explore_bench.scenario import PAPER, Scenario
+from explore_bench.suites import plan
+
+STRATEGIES = ("random", "entropy", "uncertainty")
+SIZES = (20.0, 40.0)
+METRICS = {"trajectory_error": trajectory_error, "exploration_efficiency": exploration_efficiency}
+
+STEP_LENGTHS = (0.5, 0.7, 1.0, 1.4)  # m
+ODOMETRY_SIGMAS = (0.02, 0.04, 0.07, 0.1)  # m a straight step
+OBSTACLE_DENSITIES = (0.75, 1.5, 2.5)  # per cell of edge; the first pass uses the middle one
+FEW, MANY = 6, 30  # worlds a size
+KEPT, FINALISTS = 4, 5  # settings that go on to the second and the third pass
+
+HERE = Path(__file__).parent
+
+
+def misfit(scenario: Scenario, worlds: int, store: Store) -> dict[str, float]:
+    """Log ratios of our means to the twelve numbers of Table 2, and their root mean square."""
+    sums: dict[tuple[str, float, str], list[float]] = {}
+    for size in SIZES:
+        asked = plan("table2", STRATEGIES, (size,), worlds, scenario=scenario, purpose="calibrate")
+        for _ in execute(list(missing(store, asked.specs)), store, default_workers()):
+            pass
+        for spec in asked.specs:
+            record = store.find(spec)
+            for name, value in METRICS.items():
+                sums.setdefault((spec.strategy, size, name), []).append(value(record))
+    ratios = {}
+    for (strategy, size, metric), values in sums.items():
+        paper = strategies()[strategy].published["table2", size, metric]
+        ratios[f"{strategy} {size:g} {metric}"] = math.log(float(np.mean(values)) / paper)
+    return {"rms": math.sqrt(float(np.mean(np.square(list(ratios.values()))))), **ratios}
+
+
+def sweep(settings: list[tuple[float, float, float]], worlds: int, store: Store) -> pd.DataFrame:
+    """Misfit of every setting (step length, odometry σ, obstacle density), best first."""
+    rows = []
+    for step_length, sigma, density in settings:
+        scenario = PAPER.replace(step_length=step_length, odometry_sigma=sigma, obstacle_density=density)
+        setting = {"step_length": step_length, "odometry_sigma": sigma, "obstacle_density": density}
+        rows.append({**setting, "worlds": worlds, **misfit(scenario, worlds, store)})
+        print(", ".join(f"{name} {value:g}" for name, value in list(rows[-1].items())[:5]), flush=True)
+    return pd.DataFrame(rows).sort_values("rms", ignore_index=True)
+
+
+def main() -> None:
+    """Run the three passes and write calibration-coarse.csv and calibration-fine.csv beside this file."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--store", type=Path, default=Path("results/calibration"))
+    store = Store(parser.parse_args().store)
+    store.open(0, "calibrate")
+    low, middle, high = OBSTACLE_DENSITIES
+    coarse = sweep([(*pair, middle) for pair in itertools.product(STEP_LENGTHS, ODOMETRY_SIGMAS)], FEW, store)
+    kept = coarse[["step_length", "odometry_sigma"]].head(KEPT).to_numpy().tolist()
+    others = sweep([(*pair, density) for pair in kept for density in (low, high)], FEW, store)
+    coarse = pd.concat((coarse, others)).sort_values("rms", ignore_index=True)
+    coarse.to_csv(HERE / "calibration-coarse.csv", index=False, float_format="%.4f")
+    best = coarse[["step_length", "odometry_sigma", "obstacle_density"]].head(FINALISTS)
+    fine = sweep([tuple(row) for row in best.to_numpy().tolist()], MANY, store)
+    fine.to_csv(HERE / "calibration-fine.csv", index=False, float_format="%.4f")
+    print(fine.round(3).to_string())
+
+
+if __name__ == "__main__":
+    main()

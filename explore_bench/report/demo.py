@@ -1,0 +1,71 @@
+"""One trial to look at, as a picture of its last decision or an animation of all."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.figure import Figure
+
+from explore_bench.errors import RequestError
+from explore_bench.records import Replay, Store, TrialRecord
+from explore_bench.report.scene import draw_scene, scene_legend
+from explore_bench.report.style import entry_of, save, styled
+from explore_bench.spec import TrialSpec
+from explore_bench.trial import run_trial
+
+FRAMES_PER_SECOND = 2
+SUFFIXES = (".gif", ".png", ".svg")
+
+
+def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
+    """Run a trial and draw it to a .png or .svg (its last decision) or a .gif (every decision and the end).
+
+    Raises
+    ------
+    RequestError : for another suffix, a file that cannot be written, or a trial that failed before any decision.
+    """
+    if path.suffix not in SUFFIXES:
+        raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in {', '.join(SUFFIXES)}.")
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        store.open(spec.root, spec.purpose)
+        store.write(run_trial(spec))
+        record, replay = store.find(spec), store.replay(spec)
+    if not replay.steps:
+        raise RequestError(f"strategy '{spec.strategy}' failed before any decision: {record.reason}.")
+    with styled():
+        figure = plt.figure(figsize=(7.0, 4.9))
+        if path.suffix == ".gif":
+            _animate(figure, record, replay, path)
+        else:
+            _draw(figure, record, replay, max(len(replay.steps) - 2, 0))
+            save(figure, path)
+    return record
+
+
+def _draw(figure: Figure, record: TrialRecord, replay: Replay, index: int) -> None:
+    figure.clear()
+    axes = figure.add_subplot()
+    draw_scene(axes, record, replay, index)
+    step = replay.steps[index]
+    known, uncertainty = record.steps["explored"][step], record.steps["uncertainty"][step]
+    axes.set_title(f"{entry_of(record.spec.strategy).label}: step {step}, {known:.0%} known, U = {uncertainty:.0f} m²")
+    figure.legend(handles=scene_legend(), loc="outside right center", fontsize=8)
+
+
+def _animate(figure: Figure, record: TrialRecord, replay: Replay, path: Path) -> None:
+    """Draw all decisions, the end held for a second longer."""
+    frames = [*range(len(replay.steps)), *[len(replay.steps) - 1] * FRAMES_PER_SECOND]
+
+    def draw(index: int) -> None:
+        _draw(figure, record, replay, index)
+
+    animation = FuncAnimation(figure, draw, frames, init_func=lambda: None)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        animation.save(path, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=90)
+    except OSError as error:
+        raise RequestError(f"'{path}' cannot be written ({error.strerror}); give another place.") from None

@@ -1,0 +1,176 @@
+"""The paper's result figures from stored records, as SVG and PNG."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from explore_bench.metrics import CURVES, curve, finished
+from explore_bench.records import Store, TrialRecord
+from explore_bench.registry import strategies
+from explore_bench.report.scene import draw_scene, scene_legend
+from explore_bench.report.style import entry_of, save, styled
+from explore_bench.seeding import stream
+from explore_bench.statistics import CONFIDENCE
+
+CURVE_FIGURES = {
+    "figure-10": ("table2", 20.0),
+    "figure-11": ("table2", 40.0),
+    "figure-13": ("table3", 20.0),
+    "figure-14": ("table3", 30.0),
+    "figure-15": ("table3", 40.0),
+}
+"""Figure → table and size [m] of its strategies."""
+
+EXAMPLE_TRIAL = 0
+"""World of the example trials (a): the first, not a chosen one."""
+
+RESAMPLES = 1000
+
+Groups = dict[str, list[TrialRecord]]
+
+
+def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) -> list[Path]:
+    """Draw every figure for which there are trials; returns the files written.
+
+    A figure is drawn where a strategy that its table in the paper prints, or a plugin, has trials of its size;
+    strategies without trials are left out of it.
+    """
+    written: list[Path] = []
+    with styled():
+        for name, (table, size) in CURVE_FIGURES.items():
+            groups = _groups(records, table, size)
+            if not any(_belongs(strategy, table, size) for strategy in groups):
+                continue
+            for part, figure in (("a", _examples(store, groups)), ("b", _curves(groups, size))):
+                if figure is not None:
+                    written += _write(figure, folder / f"{name}{part}")
+        example = _figure_6(store, records)
+        if example is not None:
+            written += _write(example, folder / "figure-06")
+    return written
+
+
+def _write(figure: Figure, stem: Path) -> list[Path]:
+    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    for file in files:
+        save(figure, file)
+    plt.close(figure)
+    return files
+
+
+def _belongs(strategy: str, table: str, size: float) -> bool:
+    """Whether the paper's table prints this strategy, or it is a plugin that the tables admit."""
+    entry = strategies().get(strategy)
+    return entry is None or any(t == table and s == size for t, s, _ in entry.published)
+
+
+def _groups(records: Sequence[TrialRecord], table: str, size: float) -> Groups:
+    """Records of a size by strategy, for the strategies of a table, in the registered order."""
+    order = [*strategies(), *sorted({record.spec.strategy for record in records} - strategies().keys())]
+    groups: Groups = {}
+    for name in order:
+        if table in entry_of(name).tables:
+            own = [r for r in records if r.spec.strategy == name and r.spec.scenario.size == size]
+            if own:
+                groups[name] = own
+    return groups
+
+
+def _label(strategy: str) -> str:
+    entry = entry_of(strategy)
+    return f"{entry.label} (reference)" if entry.reference else entry.label
+
+
+def _examples(store: Store, groups: Groups) -> Figure | None:
+    """Last decision of one example trial per strategy, all on the same world."""
+    shown = {
+        name: record
+        for name, own in groups.items()
+        for record in own
+        if record.spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1
+    }
+    if not shown:
+        return None
+    columns = min(3, len(shown))
+    rows = math.ceil(len(shown) / columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(3.4 * columns, 3.6 * rows + 0.7), squeeze=False)
+    for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
+        replay = store.replay(record.spec)
+        draw_scene(axes, record, replay, max(len(replay.steps) - 2, 0))
+        axes.set_title(f"{_label(name)}: {record.status} after {record.steps['step'][-1]} steps")
+    for axes in grid.flat[len(shown) :]:
+        axes.set_axis_off()
+    figure.legend(handles=scene_legend(), loc="outside lower center", ncols=min(4, 2 * columns), fontsize=8)
+    return figure
+
+
+def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
+    """An example of the simulation environment: the paper's size, half-way through the first such trial."""
+    for record in records:
+        spec = record.spec
+        if spec.scenario.size == 20.0 and spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1:
+            figure, axes = plt.subplots(figsize=(6.6, 4.6))
+            replay = store.replay(spec)
+            draw_scene(axes, record, replay, len(replay.steps) // 2)
+            axes.set_title(f"{_label(spec.strategy)}, step {replay.steps[len(replay.steps) // 2]}")
+            figure.legend(handles=scene_legend(), loc="outside right center", fontsize=8)
+            return figure
+    return None
+
+
+def _curves(groups: Groups, size: float) -> Figure:
+    """Means over worlds with bootstrap bands, and the number of trials still running below."""
+    ends = {name: np.array([_duration(record) for record in own]) for name, own in groups.items()}
+    length = 1 + int(max(np.quantile(values, 0.95) for values in ends.values()))
+    figure, grid = plt.subplots(
+        2, 3, figsize=(11.5, 4.6), sharex=True, height_ratios=(4, 1), gridspec_kw={"hspace": 0.05}
+    )
+    step = np.arange(length)
+    for column, (name, (title, unit)) in enumerate(CURVES.items()):
+        axes = grid[0, column]
+        for strategy, own in groups.items():
+            values = np.array([curve(record, name, length) for record in own])
+            _band(axes, step, values, strategy, own[0].spec.root)
+        axes.set_title(title)
+        axes.set_ylabel(f"[{unit}]" if unit != "1" else "known share")
+        if name == "explored":
+            axes.set_ylim(0, 1)
+        elif name == "exploration_efficiency":  # it starts at infinity
+            axes.set_ylim(0, 1.1 * max(line.get_ydata()[length // 8] for line in axes.get_lines()))
+        below = grid[1, column]
+        for strategy, values in ends.items():
+            running = (values[:, None] > step).sum(axis=0)
+            below.step(step, running, color=entry_of(strategy).color, linewidth=1.0, where="post")
+        below.set(xlabel="step", xlim=(0, length - 1))
+        below.set_ylim(bottom=0)
+    grid[1, 0].set_ylabel("running")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(groups)))
+    worlds = max(len(own) for own in groups.values())
+    figure.suptitle(f"{size:g} m × {size:g} m, {worlds} worlds, mean and {CONFIDENCE:.0%} bootstrap band", fontsize=10)
+    return figure
+
+
+def _duration(record: TrialRecord) -> int:
+    """Steps that a trial ran, by the rule for unfinished ones: until the step limit."""
+    return int(record.steps["step"][-1]) if finished(record) else record.spec.scenario.step_limit
+
+
+def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root: int) -> None:
+    """Draw the mean over trials of values, shape (trials, steps), and its pointwise bootstrap band."""
+    entry = entry_of(strategy)
+    count = len(values)
+    rng = stream("evaluate", root, 0, 0, "statistics")
+    weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES) / count
+    low, high = np.quantile(weights @ values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+    style = "--" if entry.reference else "-"
+    axes.plot(step, values.mean(axis=0), color=entry.color, linestyle=style, linewidth=1.3, label=_label(strategy))
+    if count > 1:
+        axes.fill_between(step, low, high, color=entry.color, alpha=0.18, linewidth=0)

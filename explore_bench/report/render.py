@@ -1,0 +1,46 @@
+"""Everything that `explore-bench report` writes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from explore_bench.errors import RequestError
+from explore_bench.records import Store
+from explore_bench.report.figures import write_figures
+from explore_bench.report.tables import write_tables
+from explore_bench.results import summary_table, trial_table
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written, from how many trials, and how many were left out as stale."""
+
+    files: tuple[Path, ...]
+    trials: int
+    stale: int
+
+
+def write_report(folder: Path) -> Report:
+    """Write trials.csv, summary.csv, tables and figures of a results folder from its records.
+
+    Raises
+    ------
+    RequestError : where the folder holds no current trial, or cannot be written.
+    """
+    store = Store(folder)
+    records, stale = store.records()
+    if not records:
+        what = f"{stale} trials of older code or libraries" if stale else "no trials"
+        raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
+    trials = trial_table(records)
+    summary = summary_table(trials)
+    try:
+        for name, table in (("trials.csv", trials), ("summary.csv", summary)):
+            table.to_csv(folder / name, index=False, lineterminator="\n")
+        files = [folder / "trials.csv", folder / "summary.csv"]
+        files += write_tables(trials, summary, folder / "tables")
+    except OSError as error:
+        raise RequestError(f"'{folder}' cannot be written ({error.strerror}); give another with --results.") from None
+    files += write_figures(store, records, folder / "figures")
+    return Report(tuple(files), len(records), stale)

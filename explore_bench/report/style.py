@@ -1,0 +1,65 @@
+"""How figures look: one set of matplotlib settings, bytes that do not change from run to run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+from explore_bench.errors import RequestError
+from explore_bench.registry import plugin_entry, strategies
+from explore_bench.strategy import Entry
+
+SETTINGS: Any = {
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "figure.constrained_layout.use": True,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.alpha": 0.25,
+    "legend.frameon": False,
+    "savefig.dpi": 150,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "explore-bench",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw in the benchmark's style, and close every figure afterwards."""
+    with matplotlib.rc_context(SETTINGS):
+        try:
+            yield
+        finally:
+            plt.close("all")
+
+
+def entry_of(name: str) -> Entry:
+    """Entry of a strategy, also of one whose plugin is no longer registered."""
+    return strategies().get(name) or plugin_entry(f"unknown:{name}" if name.isidentifier() else "unknown:x", name)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure to a file of the kind that its suffix names, without a date.
+
+    Raises
+    ------
+    RequestError : where the file cannot be written or the suffix is none of .png and .svg.
+    """
+    if path.suffix not in (".png", ".svg"):
+        raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in .png, .svg or .gif.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else {"Software": None})
+    except OSError as error:
+        raise RequestError(f"'{path}' cannot be written ({error.strerror}); give another place.") from None

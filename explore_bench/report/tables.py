@@ -1,0 +1,213 @@
+"""The paper's tables, and ours beside them, as Markdown, CSV and LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from explore_bench.metrics import METRICS, REGRET, Metric
+from explore_bench.registry import strategies
+from explore_bench.report.style import entry_of
+from explore_bench.results import by_world
+from explore_bench.statistics import Estimate, paired_difference
+
+PAPER_TABLES = {
+    "table2": "Table 2. Trajectory error e and exploration efficiency η of the compared methods",
+    "table3": "Table 3. Trajectory error e and exploration efficiency η of Graph-STNN and its ablations",
+}
+PAPER_METRICS = ("trajectory_error", "exploration_efficiency")
+PAIRED_METRICS = (*PAPER_METRICS, "t90")
+DETAIL_METRICS = (
+    "decisions",
+    "path_length",
+    "t50",
+    "t80",
+    "t90",
+    "regret",
+    "absolute_trajectory_error",
+    "pose_nees",
+    "collisions",
+    "mislabelled",
+)
+STATUSES = ("explored", "step_limit", "stuck", "failed")
+
+NOTE = (
+    "Mean over worlds [95 % BCa bootstrap interval]; n worlds. A trial that did not explore is scored with T = n_a = "
+    "the step limit, its last U and at least a max trace of 2 σ₀². A reference is told the true world."
+)
+_LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_"}
+_LATEX |= {"{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+_LATEX |= {"η": r"$\eta$", "σ": r"$\sigma$", "²": r"$^2$", "₀": r"$_0$", "Σ": r"$\Sigma$", "Δ": r"$\Delta$"}
+_LATEX |= {"−": r"$-$", "≥": r"$\geq$", "×": r"$\times$", "–": "--"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text.
+
+    Attributes
+    ----------
+    title, note : above and below it.
+    header : names of the columns.
+    rows : cells, as many in each row as in the header.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+    def markdown(self) -> str:
+        """Return the table as GitHub Markdown."""
+        lines = [f"**{self.title}**", "", _pipes(self.header), _pipes(["---"] * len(self.header))]
+        lines += [_pipes(row) for row in self.rows]
+        return "\n".join(lines + (["", self.note] if self.note else [])) + "\n"
+
+    def csv(self) -> str:
+        """Return the table as CSV."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows((self.header, *self.rows))
+        return text.getvalue()
+
+    def latex(self) -> str:
+        """Return the table as LaTeX, every special character escaped; needs the package booktabs."""
+        lines = [r"\begin{table}", r"\centering", rf"\caption{{{escape(self.title)}. {escape(self.note)}}}"]
+        lines += [rf"\begin{{tabular}}{{l{'r' * (len(self.header) - 1)}}}", r"\toprule"]
+        lines += [" & ".join(map(escape, self.header)) + r" \\", r"\midrule"]
+        lines += [" & ".join(map(escape, row)) + r" \\" for row in self.rows]
+        return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}"]) + "\n"
+
+    def write(self, folder: Path, name: str) -> list[Path]:
+        """Write name.md, name.csv and name.tex."""
+        folder.mkdir(parents=True, exist_ok=True)
+        files = {".md": self.markdown(), ".csv": self.csv(), ".tex": self.latex()}
+        for suffix, text in files.items():
+            (folder / f"{name}{suffix}").write_text(text, encoding="utf-8")
+        return [folder / f"{name}{suffix}" for suffix in files]
+
+
+def escape(text: str) -> str:
+    """Text for LaTeX, with special characters and the notation of the tables written as LaTeX."""
+    return "".join(_LATEX.get(character, character) for character in text)
+
+
+def write_tables(trials: pd.DataFrame, summary: pd.DataFrame, folder: Path) -> list[Path]:
+    """Write the paper's tables, the details of every strategy and the paired differences."""
+    written: list[Path] = []
+    for name, title in PAPER_TABLES.items():
+        written += paper_table(name, title, summary).write(folder, name)
+    written += details_table(trials, summary).write(folder, "details")
+    written += paired_table(trials).write(folder, "paired")
+    return written
+
+
+def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
+    """Table of the paper: for every metric and size the paper's value and ours with its interval.
+
+    A strategy of the table without weights reads `not trained`, one without trials `not run`.
+    """
+    own = summary[summary["table"] == name]
+    sizes = sorted({size for entry in strategies().values() for t, size, _ in entry.published if t == name})
+    columns = list(itertools.product(PAPER_METRICS, sizes))
+    header = ["Method", "n", "not explored"]
+    for metric, size in columns:
+        header += [f"{_heading(METRICS[metric])} {size:g} m: paper", "ours"]
+    rows = []
+    names = [n for n, entry in strategies().items() if name in entry.tables]
+    names += sorted(set(own["strategy"]) - set(strategies()))
+    for strategy in names:
+        entry = entry_of(strategy)
+        lines = own[own["strategy"] == strategy].set_index(["metric", "size"])
+        absent = "not trained" if entry.factory is None else "not run"
+        worlds = [_value(lines, PAPER_METRICS[0], size, "n") for size in sizes]
+        unfinished = [_value(lines, PAPER_METRICS[0], size, "failed") for size in sizes]
+        row = [_label(strategy), _slashes(worlds), _slashes(unfinished) if any(worlds) else "–"]
+        for metric, size in columns:
+            paper = _value(lines, metric, size, "paper")
+            row.append(f"{paper:.4f}" if paper and not math.isnan(paper) else "–")
+            row.append(_measured(lines, metric, size) or absent)
+        rows.append(tuple(row))
+    return Table(title, tuple(header), tuple(rows), NOTE)
+
+
+def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
+    """How the trials of every strategy and size ended, and what else was measured."""
+    units = {name: METRICS[name] for name in METRICS} | {"regret": REGRET}
+    header = ["Method", "size [m]", "n", *(status.replace("_", " ") for status in STATUSES), "stuck [%]"]
+    header += [_heading(units[name]) for name in DETAIL_METRICS]
+    rows = []
+    unique = summary.drop_duplicates(["strategy", "size", "metric"])
+    for (strategy, size), cell in _cells(trials):
+        lines = unique[unique["strategy"] == strategy].set_index(["metric", "size"])
+        counts = cell["status"].value_counts()
+        row = [_label(strategy), f"{size:g}", str(len(cell))]
+        row += [str(counts.get(status, 0)) for status in STATUSES]
+        row.append(f"{100 * counts.get('stuck', 0) / len(cell):.1f}")
+        row += [_measured(lines, name, size) or "–" for name in DETAIL_METRICS]
+        rows.append(tuple(row))
+    return Table("Endings and further metrics of every strategy and size", tuple(header), tuple(rows), NOTE)
+
+
+def paired_table(trials: pd.DataFrame) -> Table:
+    """Differences between every two strategies, paired by world; references are compared with nobody."""
+    header = ["size [m]", "A", "B", "n", *(f"{_heading(METRICS[name])}: A − B" for name in PAIRED_METRICS)]
+    rows = []
+    for size in sorted(set(trials["size"])):
+        here = trials[trials["size"] == size]
+        names = [n for (n, s), _ in _cells(here) if not entry_of(n).reference]
+        for a, b in itertools.combinations(names, 2):
+            pair = [here[here["strategy"] == name] for name in (a, b)]
+            estimates = [paired_difference(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
+            row = (f"{size:g}", entry_of(a).label, entry_of(b).label, str(estimates[0].n), *map(_text, estimates))
+            rows.append(row)
+    note = "Mean difference over the worlds that both explored or tried [95 % BCa bootstrap interval]."
+    return Table("Differences between strategies, paired by world", tuple(header), tuple(rows), note)
+
+
+def _cells(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:
+    """Trials of each strategy and size, in the registered order."""
+    order = {name: i for i, name in enumerate(strategies())}
+    cells = [((str(name), float(size)), cell) for (name, size), cell in trials.groupby(["strategy", "size"])]
+    return sorted(cells, key=lambda item: (order.get(item[0][0], len(order)), item[0]))
+
+
+def _heading(metric: Metric) -> str:
+    return metric.symbol if metric.unit == "1" else f"{metric.symbol} [{metric.unit}]"
+
+
+def _label(strategy: str) -> str:
+    entry = entry_of(strategy)
+    return f"{entry.label} (reference)" if entry.reference else entry.label
+
+
+def _value(lines: pd.DataFrame, metric: str, size: float, column: str) -> float:
+    return float(lines.loc[(metric, size), column]) if (metric, size) in lines.index else 0.0
+
+
+def _measured(lines: pd.DataFrame, metric: str, size: float) -> str:
+    if (metric, size) not in lines.index or not lines.loc[(metric, size), "n"]:
+        return ""
+    line = lines.loc[(metric, size)]
+    return _text(Estimate(line["mean"], line["ci_low"], line["ci_high"], int(line["n"])))
+
+
+def _text(estimate: Estimate) -> str:
+    digits = 1 if abs(estimate.mean) >= 100 else 2 if abs(estimate.mean) >= 10 else 3
+    mean, low, high = (f"{v:.{digits}f}".replace("-", "−") for v in (estimate.mean, estimate.low, estimate.high))
+    return mean if math.isnan(estimate.low) else f"{mean} [{low}, {high}]"
+
+
+def _slashes(values: Sequence[float]) -> str:
+    """One count where all are equal, else one a size."""
+    return f"{values[0]:g}" if len(set(values)) == 1 else "/".join(f"{value:g}" for value in values)
+
+
+def _pipes(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"

@@ -1,0 +1,187 @@
+"""The tables of a results folder: trials.csv, summary.csv and times.csv, derived from its records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from explore_bench.errors import RequestError
+from explore_bench.metrics import METRICS, regret
+from explore_bench.records import Store, TrialRecord
+from explore_bench.registry import strategies
+from explore_bench.spec import TrialSpec
+from explore_bench.statistics import mean_interval
+
+if TYPE_CHECKING:
+    from explore_bench.runner import Outcome
+
+FIRST_METRICS = ("path_length", "explored", "uncertainty_reduction", "exploration_efficiency", "trajectory_error")
+FURTHER_METRICS = tuple(name for name in METRICS if name not in (*FIRST_METRICS, "decisions"))
+
+TRIAL_COLUMNS = (
+    "strategy",
+    "training_seed",
+    "size",
+    "trial",
+    "world",
+    "status",
+    "steps",
+    "decisions",
+    *FIRST_METRICS,
+    *FURTHER_METRICS,
+    "regret",
+    "scenario",
+    "reason",
+)
+SUMMARY_COLUMNS = ("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper")
+KEYS = ["strategy", "training_seed", "size", "trial"]
+TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
+
+
+def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
+    """One row a trial with the columns TRIAL_COLUMNS, ordered by strategy, training seed, size and trial.
+
+    Names of strategies are kept as they were when the trial ran; regret is to the first reference on the world.
+    """
+    references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
+    rows = []
+    for record in records:
+        spec, steps = record.spec, record.steps
+        values: dict[str, Any] = {name: metric.value(record) for name, metric in METRICS.items()}
+        rows.append(
+            values
+            | {
+                "strategy": spec.strategy,
+                "training_seed": spec.training_seed,
+                "size": spec.scenario.size,
+                "trial": spec.trial,
+                "world": record.world.digest,
+                "status": record.status,
+                "steps": max(len(steps["step"]) - 1, 0),
+                "decisions": int(steps["decisions"][-1]) if len(steps["step"]) else 0,
+                "regret": regret(record, references.get((spec.scenario, spec.trial))),
+                "scenario": spec.scenario_name,
+                "reason": record.reason,
+            }
+        )
+    table = pd.DataFrame(rows, columns=list(TRIAL_COLUMNS)).astype({"training_seed": "Int64", "size": float})
+    return table.sort_values(KEYS, kind="stable", ignore_index=True)
+
+
+def write_trials(store: Store) -> pd.DataFrame:
+    """Write `trials.csv` from the current records of a folder and return its rows."""
+    table = trial_table(store.records()[0])
+    table.to_csv(store.folder / "trials.csv", index=False, lineterminator="\n")
+    return table
+
+
+def select(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
+    """Rows of the trials of a plan."""
+    wanted = {(spec.strategy, spec.scenario.size, spec.trial) for spec in specs}
+    keys = zip(table["strategy"], table["size"], table["trial"], strict=True)
+    return table[[key in wanted for key in keys]].reset_index(drop=True)
+
+
+def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
+    """Add the times of trials that have just run to `times.csv`, the only file that differs between two runs."""
+    path = folder / "times.csv"
+    rows = [
+        {
+            "strategy": outcome.spec.strategy,
+            "training_seed": outcome.spec.training_seed,
+            "size": outcome.spec.scenario.size,
+            "trial": outcome.spec.trial,
+            "seconds": outcome.seconds,
+            "steps": outcome.steps,
+            "decisions": len(outcome.decision_seconds),
+            "decision_ms": 1e3 * float(np.median(outcome.decision_seconds)) if outcome.decision_seconds else math.nan,
+            "decision_ms_max": 1e3 * max(outcome.decision_seconds, default=math.nan),
+        }
+        for outcome in outcomes
+    ]
+    if not rows:
+        return
+    table = pd.DataFrame(rows, columns=list(TIME_COLUMNS)).astype({"training_seed": "Int64"})
+    if path.is_file():
+        table = pd.concat((read_csv(path, TIME_COLUMNS), table)).drop_duplicates(KEYS, keep="last")
+    table.sort_values(KEYS).to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:
+    """Processor time [s] that trials will need, from `times.csv` where it knows the like, else from their size."""
+    path = folder / "times.csv"
+    known: Any = read_csv(path, TIME_COLUMNS).groupby(["strategy", "size"])["seconds"].mean() if path.is_file() else {}
+    usual = 0.15  # s at 100 cells; it grows with their square: more steps, and each costs more
+    return sum(
+        float(known.get((spec.strategy, spec.scenario.size), usual * (spec.scenario.cell_count / 100) ** 2))
+        for spec in specs
+    )
+
+
+def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """Read one of the tables of a results folder.
+
+    Raises
+    ------
+    RequestError : where the file is missing or is no such table.
+    """
+    try:
+        table = pd.read_csv(path, dtype={"training_seed": "Int64"}, keep_default_na=True)
+    except (OSError, ValueError) as error:
+        raise RequestError(f"'{path}' cannot be read ({error}); run 'explore-bench run SUITE' to make it.") from None
+    lacking = [name for name in columns if name not in table.columns]
+    if lacking:
+        raise RequestError(f"'{path}' lacks the column '{lacking[0]}'; delete it and run again.")
+    return table
+
+
+def by_world(table: pd.DataFrame, metric: str) -> dict[int, float]:
+    """Values of a metric by world, training seeds averaged within a world."""
+    return {int(trial): float(value) for trial, value in table.groupby("trial")[metric].mean().items()}
+
+
+def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Means with intervals of every table, strategy, size and metric; the paper's value where that table prints one.
+
+    A strategy without trials stands in it with n = 0 where the paper prints a value.
+    """
+    rows = []
+    metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret"]
+    entries = strategies()
+    names = [*entries, *sorted(set(trials["strategy"]) - entries.keys())]
+    for name in names:
+        own = trials[trials["strategy"] == name]
+        published = entries[name].published if name in entries else {}
+        tables = entries[name].tables if name in entries else ("table2", "table3")
+        for table in tables:
+            sizes = {float(size) for size in own["size"]} | {s for t, s, _ in published if t == table}
+            for size in sorted(sizes):
+                cell = own[own["size"] == size]
+                for metric in metrics:
+                    paper = published.get((table, size, metric), math.nan)
+                    if not len(cell) and math.isnan(paper):
+                        continue
+                    values = np.array(list(by_world(cell, metric).values()))
+                    if metric == "regret" and np.isnan(values).any():
+                        continue
+                    estimate = mean_interval(values)
+                    rows.append(
+                        {
+                            "table": table,
+                            "strategy": name,
+                            "size": size,
+                            "metric": metric,
+                            "n": estimate.n,
+                            "failed": int((cell["status"] != "explored").sum()),
+                            "mean": estimate.mean,
+                            "ci_low": estimate.low,
+                            "ci_high": estimate.high,
+                            "paper": paper,
+                        }
+                    )
+    return pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))
