@@ -1,6 +1,7 @@
 """A* against scipy's Dijkstra on the same graph, and the rules of a step."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def test_paths_lead_from_start_to_goal_by_allowed_steps_of_that_length(problem):
         return
     assert path[0] == start
     assert path[-1] == goal
-    assert all(is_allowed(free, start, *step) for step in zip(path[:-1].tolist(), path[1:].tolist(), strict=True))
+    assert all(is_allowed(free, start, *step) for step in pairwise(path.tolist()))
     assert length_of(path, len(free)) == pytest.approx(length, abs=1e-9)
 
 

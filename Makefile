@@ -1,0 +1,49 @@
+# Every verb sets up what it needs by itself: a virtual environment and the pinned dependencies.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+WORKERS := --numprocesses auto --maxprocesses 4
+
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: bench bench-smoke calibrate clean lint perf report setup test test-slow
+
+bench: $(READY)          ## Run the paper suite, then write every table and figure
+	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
+
+bench-smoke: $(READY)    ## The same in under a minute, into results/smoke
+	@$(BIN)/explore-bench run smoke --results results/smoke; status=$$?; \
+	  $(BIN)/explore-bench report --results results/smoke && exit $$status
+
+report: $(READY)         ## Tables and figures from stored records
+	$(BIN)/explore-bench report
+
+perf: $(READY)           ## Where a step's time goes
+	$(BIN)/explore-bench perf
+
+test: $(READY)           ## The tests
+	$(BIN)/pytest -m "not slow" $(WORKERS)
+
+test-slow: $(READY)      ## The tests that take minutes
+	$(BIN)/pytest -m slow
+
+lint: $(READY)           ## Style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+calibrate: $(READY)      ## The studies behind the constants that the paper leaves out (an hour)
+	$(BIN)/python docs/studies/calibration.py
+	$(BIN)/python docs/studies/uncertainty_weight.py
+
+setup: $(READY)          ## Only set up
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test,lint]'
+	@touch $(READY)
+
+clean:                   ## Remove the environment and what tools left; results stay
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
