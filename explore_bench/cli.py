@@ -135,7 +135,7 @@ def _run(
 ) -> int:
     from explore_bench import runner
     from explore_bench.records import Store, missing
-    from explore_bench.results import expected_seconds, write_times, write_trials
+    from explore_bench.results import expected_seconds
 
     runner.check_runnable(asked.specs)
     store = Store(results)
@@ -152,18 +152,12 @@ def _run(
         click.echo(f"not trained: {', '.join(asked.untrained)}")
     if dry_run:
         return DONE
-    outcomes: list[Outcome] = []
     try:
         with Progress(len(to_do)) as advance:
-            for outcome in runner.execute(to_do, store, workers, backend, timeout):
-                outcomes.append(outcome)
-                advance(outcome)
+            table = runner.complete(to_do, store, workers, backend, timeout, advance)
     except runner.IncompleteError as error:
-        click.echo(f"explore-bench: incomplete after {len(outcomes)} of {len(to_do)} trials: {error}.", err=True)
+        click.echo(f"explore-bench: incomplete: {error}.", err=True)
         return INCOMPLETE
-    finally:
-        write_times(store.folder, outcomes)
-        table = write_trials(store)
     failed = table[table["status"] == "failed"]
     click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {len(failed)} failed")
     return NO if len(failed) else DONE

@@ -167,7 +167,7 @@ def run(
     RequestError : where the request or the folder is wrong.
     IncompleteError : where the run ended early.
     """
-    from explore_bench.results import select, write_times, write_trials
+    from explore_bench.results import select
     from explore_bench.scenario import load_scenario
     from explore_bench.suites import plan
 
@@ -177,17 +177,31 @@ def run(
     check_runnable(asked.specs)
     store = Store(Path(results))
     store.open(seed, "evaluate")
+    to_do = list(missing(store, asked.specs))
+    return select(complete(to_do, store, workers or default_workers(), backend, timeout, progress), asked.specs)
+
+
+def complete(
+    specs: Sequence[TrialSpec],
+    store: Store,
+    workers: int,
+    backend: str = "loky",
+    timeout: float = DEFAULT_TIMEOUT,
+    progress: Callable[[Outcome], None] | None = None,
+) -> pd.DataFrame:
+    """Run trials and write `trials.csv` and `times.csv`, also where the run ends early; returns all rows."""
+    from explore_bench.results import write_times, write_trials
+
     outcomes: list[Outcome] = []
     try:
-        workers = default_workers() if workers is None else workers
-        for outcome in execute(list(missing(store, asked.specs)), store, workers, backend, timeout):
+        for outcome in execute(specs, store, workers, backend, timeout):
             outcomes.append(outcome)
             if progress:
                 progress(outcome)
     finally:
         write_times(store.folder, outcomes)
-        trials_table = write_trials(store)
-    return select(trials_table, asked.specs)
+        table = write_trials(store)
+    return table
 
 
 def _run_and_store(spec: TrialSpec, store: Store, timeout: float) -> Outcome:

@@ -12,20 +12,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from explore_bench.driver import Command, Driver
-from explore_bench.geometry import Array, cell_of, centres, distance_to_segment
-from explore_bench.planning.frontier import Ground, Withheld, find_candidates, waypoints
+from explore_bench.geometry import Array, centres
+from explore_bench.planning.frontier import Withheld, find_candidates
 from explore_bench.scenario import Scenario
-from explore_bench.simulator.motion import Robot
-from explore_bench.simulator.sensor import Sensor
 from explore_bench.simulator.world import World, draw_world
 from explore_bench.slam.belief import Belief
-from explore_bench.slam.smoother import Lap, Smoother, no_lap
+from explore_bench.slam.smoother import Lap, no_lap
 from explore_bench.spec import Status, TrialSpec
 from explore_bench.steps import Snapshot, Step, take_snapshot
 from explore_bench.strategy import Observation, describe, make_strategy
+from explore_bench.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,16 +58,16 @@ def rollout(
     ------
     ChoiceError : when what was sent is no index of a candidate.
     """
-    simulation = _Simulation(scenario, world, motion, sensing, lap)
+    vehicle = Vehicle(scenario, world, motion, sensing, lap)
     withheld = Withheld()
-    yield simulation.row()
+    yield vehicle.row()
     decisions_here, here = 0, -1
-    while (status := simulation.status()) is None:
-        smoother = simulation.smoother
-        found = find_candidates(simulation.ground(), withheld)
+    while (status := vehicle.status()) is None:
+        smoother = vehicle.smoother
+        found = find_candidates(vehicle.ground(), withheld)
         if not len(found.cells):
             return Ending(Status.STUCK, "no frontier can be reached", smoother.belief())
-        own = simulation.own_cell
+        own = vehicle.own_cell
         decisions_here = decisions_here + 1 if own == here else 1
         here = own
         if decisions_here > scenario.stuck_decisions:
@@ -85,8 +82,8 @@ def rollout(
         positions.setflags(write=False)
         choice = yield Observation(
             belief=smoother.belief(),
-            step=simulation.steps,
-            decision=simulation.decisions,
+            step=vehicle.steps,
+            decision=vehicle.decisions,
             candidates=found.cells,
             positions=positions,
             paths=found.paths,
@@ -94,16 +91,16 @@ def rollout(
         )
         lap("decision")
         index = _checked(choice, len(found.cells))
-        simulation.decisions += 1
+        vehicle.decisions += 1
         arrived = False
-        for step in simulation.drive(found.paths[index]):
+        for step in vehicle.drive(found.paths[index]):
             yield step
-            arrived = simulation.arrived
-            if simulation.own_cell != here:
+            arrived = vehicle.arrived
+            if vehicle.own_cell != here:
                 here = -1
         if arrived:
-            withheld.add(int(found.cells[index]), simulation.known)
-    return Ending(status, "", simulation.smoother.belief())
+            withheld.add(int(found.cells[index]), vehicle.known)
+    return Ending(status, "", vehicle.smoother.belief())
 
 
 def _checked(choice: object, count: int) -> int:
@@ -114,124 +111,6 @@ def _checked(choice: object, count: int) -> int:
     if not 0 <= choice < count:
         raise ChoiceError(f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}")
     return int(choice)
-
-
-class _Simulation:
-    """The state of one rollout: the true robot, its sensor and its SLAM, moved command by command."""
-
-    def __init__(
-        self,
-        scenario: Scenario,
-        world: World,
-        motion: np.random.Generator,
-        sensing: np.random.Generator,
-        lap: Lap,
-    ) -> None:
-        self.scenario, self._lap = scenario, lap
-        self.steps = self.decisions = 0
-        self.arrived = False
-        self._length = self._turned = 0.0
-        self._robot = Robot(scenario, world, motion)
-        self._sensor = Sensor(scenario, world, sensing)
-        self._driver = Driver.of(scenario)
-        self._truth = world.obstacles.reshape(-1)
-        self.smoother = Smoother(scenario, world.start, lap)
-        self.smoother.update(None, self._sensor.scan(self._robot.pose))
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        return self.smoother.occupancy.known.reshape(self.scenario.cells, self.scenario.cells)
-
-    @property
-    def own_cell(self) -> int:
-        x, y, _ = self.smoother.pose
-        return cell_of(x, y, self.scenario.cells, self.scenario.cell_size)
-
-    def ground(self) -> Ground:
-        n = self.scenario.cells
-        return Ground(
-            scenario=self.scenario,
-            pose=self.smoother.pose,
-            known=self.known,
-            occupied=self.smoother.occupancy.occupied.reshape(n, n),
-            landmarks=self.smoother.landmarks,
-        )
-
-    def status(self) -> Status | None:
-        if self.smoother.explored >= self.scenario.coverage:
-            return Status.EXPLORED
-        if self.steps >= self.scenario.step_limit:
-            return Status.STEP_LIMIT
-        return None
-
-    def drive(self, path: NDArray[np.int64]) -> Iterator[Step]:
-        """Follow a path until its end, the end of the trial, a blocked path or a jump off it; ≥ 1 straight step."""
-        self.arrived = False
-        needed, segment_of = _needed_cells(path, self.scenario.cells)
-        previous = self.smoother.pose[:2]
-        has_moved = False
-        for segment, waypoint in enumerate(waypoints(path, self.scenario)):
-            while (command := self._driver.command(self.smoother.pose, waypoint)) is not None:
-                self._advance(command)
-                yield self.row()
-                has_moved = has_moved or command[1] > 0.0
-                if self.status() is not None:
-                    return
-                x, y, _ = self.smoother.pose
-                off = distance_to_segment(x, y, *previous, *waypoint) > self.scenario.path_tolerance
-                if has_moved and (off or self._any_blocked(needed[segment_of >= segment])):
-                    return
-            previous = waypoint
-        self.arrived = True
-
-    def _advance(self, command: Command) -> None:
-        self._lap("driver")
-        self.steps += 1
-        self._turned += abs(command[0])
-        self._length += command[1]
-        self._robot.move(command)
-        scan = self._sensor.scan(self._robot.pose)
-        self._lap("world")
-        self.smoother.update(command, scan)
-
-    def _any_blocked(self, cells: NDArray[np.int64]) -> bool:
-        cells = cells[cells != self.own_cell]
-        if np.any(self.smoother.occupancy.occupied_at(cells)):
-            return True
-        return bool(np.isin(cells, self.ground().landmark_cells).any())
-
-    def row(self) -> Step:
-        smoother = self.smoother
-        covariance = smoother.pose_covariances[-1]
-        occupancy = smoother.occupancy
-        row = Step._make(
-            (
-                self.steps,
-                self.decisions,
-                *self._robot.pose,
-                *smoother.pose,
-                *covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
-                smoother.virtual_map.uncertainty,
-                *smoother.peak_traces,
-                smoother.explored,
-                self._length,
-                self._turned,
-                self._robot.collisions,
-                int(np.count_nonzero(occupancy.known & (occupancy.occupied != self._truth))),
-                len(smoother.landmarks),
-            )
-        )
-        self._lap("row")
-        return row
-
-
-def _needed_cells(path: NDArray[np.int64], n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cells that must stay free for a path, the sides of its diagonal steps included, and the segment of each."""
-    rows, columns = path // n, path % n
-    segments = np.arange(len(path) - 1)
-    diagonal = (rows[1:] != rows[:-1]) & (columns[1:] != columns[:-1])
-    sides = (rows[:-1] * n + columns[1:])[diagonal], (rows[1:] * n + columns[:-1])[diagonal]
-    return np.concatenate((path[1:], *sides)), np.concatenate((segments, segments[diagonal], segments[diagonal]))
 
 
 @dataclass(frozen=True)

@@ -171,6 +171,28 @@ def _surroundings(cell: int, known: NDArray[np.bool_]) -> bytes:
     return known[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].tobytes()
 
 
+@jit
+def any_blocked(
+    cells: NDArray[np.int64],
+    own_cell: int,
+    occupied: NDArray[np.bool_],
+    landmarks: Array,
+    n: int,
+    cell_size: float,
+) -> bool:
+    """Whether one of the cells, the robot's own aside, is occupied (shape (n²,)) or holds a landmark's estimate."""
+    for cell in cells:
+        if cell != own_cell and occupied[cell]:
+            return True
+    for m in range(landmarks.shape[0]):
+        holder = cell_of(landmarks[m, 0], landmarks[m, 1], n, cell_size)
+        if holder != own_cell:
+            for cell in cells:
+                if cell == holder:
+                    return True
+    return False
+
+
 def waypoints(path: NDArray[np.int64], scenario: Scenario) -> list[tuple[float, float]]:
     """Centres [m] of the cells that a path enters: all but the first."""
     return [centre_of(cell, scenario.cells, scenario.cell_size) for cell in path[1:].tolist()]

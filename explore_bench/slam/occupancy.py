@@ -123,10 +123,6 @@ class OccupancyMap:
         """Cells believed occupied, shape (n²,)."""
         return np.asarray(self._log_odds > _LOG_ODDS_ABOVE)
 
-    def occupied_at(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether these cells are believed occupied."""
-        return np.asarray(self._log_odds[cells] > _LOG_ODDS_ABOVE)
-
 
 def probability(log_odds: Array) -> Array:
     """Probability of being occupied, shape as given."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
+from scipy.linalg import expm
 
 from explore_bench.driver import Driver
 from explore_bench.scan import Scan
@@ -63,8 +64,50 @@ def values_of(poses, landmarks):
 
 
 def batch_marginals(graph, poses, landmarks):
-    """Covariances of all poses in the world frame, (N, 3, 3), and landmarks, (M, 2, 2), by gtsam."""
-    marginals = gtsam.Marginals(graph, values_of(poses, landmarks))
+    """Covariances of all poses in the world frame, (N, 3, 3), and landmarks, (M, 2, 2), by gtsam alone.
+
+    At odometry residuals between 1e-5 and 1e-3 rad gtsam's own derivative of the logarithm cancels, which may cost
+    up to 1e-6 of a block's largest entry; `precise_marginals` has no such loss.
+    """
+    return _in_the_world(gtsam.Marginals(graph, values_of(poses, landmarks)), poses, landmarks)
+
+
+def precise_marginals(graph, poses, landmarks):
+    """Covariances as by `batch_marginals`, but the derivative of the logarithm is integrated numerically."""
+    values = values_of(poses, landmarks)
+    linear, precise, motions = graph.linearize(values), gtsam.GaussianFactorGraph(), []
+    for i in range(graph.size()):
+        factor = graph.at(i)
+        if isinstance(factor, gtsam.BetweenFactorPose2):
+            k, _ = (gtsam.Symbol(key).index() for key in factor.keys())
+            sigmas = factor.noiseModel().sigmas()
+            motions.append((k, factor.measured(), gtsam.Pose2(*poses[k]).between(gtsam.Pose2(*poses[k + 1])), sigmas))
+        else:
+            precise.push_back(linear.at(i))
+    errors = [measured.between(moved) for _, measured, moved, _ in motions]
+    for (k, _, moved, sigmas), block in zip(motions, derivative_of_logarithm(errors), strict=True):
+        of_to = block / sigmas[:, None]
+        of_from = -of_to @ moved.inverse().AdjointMap()
+        unit = gtsam.noiseModel.Unit.Create(3)
+        precise.push_back(gtsam.JacobianFactor(X(k), of_from, X(k + 1), of_to, np.zeros(3), unit))
+    return _in_the_world(gtsam.Marginals(precise, values), poses, landmarks)
+
+
+def derivative_of_logarithm(errors):
+    """(∫₀¹ exp(−s ad ξ) ds)⁻¹ at ξ = Log(error), shape (K, 3, 3), by the exponential of a matrix twice the size."""
+    if not errors:
+        return np.empty((0, 3, 3))
+    x, y, w = np.array([(error.x(), error.y(), error.theta()) for error in errors]).T
+    half = np.sinc(0.5 * w / np.pi)
+    a, b = np.sinc(w / np.pi), np.sin(0.5 * w) * half  # the translation is [a −b; b a] (u, v)
+    u, v = (a * x + b * y) / (a * a + b * b), (a * y - b * x) / (a * a + b * b)
+    blocks = np.zeros((len(errors), 6, 6))
+    blocks[:, 0, 1], blocks[:, 0, 2], blocks[:, 1, 0], blocks[:, 1, 2] = w, -v, -w, u
+    blocks[:, :3, 3:] = np.eye(3)
+    return np.linalg.inv(expm(blocks)[:, :3, 3:])
+
+
+def _in_the_world(marginals, poses, landmarks):
     of_poses = np.empty((len(poses), 3, 3))
     for k, (_, _, heading) in enumerate(poses):
         turn = np.eye(3)
