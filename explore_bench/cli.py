@@ -135,7 +135,7 @@ def _run(
 ) -> int:
     from explore_bench import runner
     from explore_bench.records import Store, missing
-    from explore_bench.results import expected_seconds
+    from explore_bench.results import expected_seconds, select
 
     runner.check_runnable(asked.specs)
     store = Store(results)
@@ -158,9 +158,9 @@ def _run(
     except runner.IncompleteError as error:
         click.echo(f"explore-bench: incomplete: {error}.", err=True)
         return INCOMPLETE
-    failed = table[table["status"] == "failed"]
-    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {len(failed)} failed")
-    return NO if len(failed) else DONE
+    failed = int((select(table, asked.specs)["status"] == "failed").sum())
+    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed} of those asked for failed")
+    return NO if failed else DONE
 
 
 @cli.command()

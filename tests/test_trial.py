@@ -330,6 +330,35 @@ def test_with_little_noise_decisions_end_at_the_target_or_at_a_blocked_path():
 
 
 @pytest.mark.parametrize("trial", range(4))
+def test_even_without_any_tolerance_a_decision_has_a_straight_step(trial):
+    """The estimate leaves the path's segment at a sighting of a landmark, which may follow the first turn."""
+    scenario = PAPER.replace(path_tolerance=1e-12, stuck_decisions=1000, steps_per_cell=1.0)
+    events, _ = play(scenario, at_random(trial), trial)
+    lengths = [0.0] + [rows[-1].path_length for _, rows in decisions_of(events)[:-1]]
+    assert len(lengths) > 10
+    assert np.all(np.diff(lengths) > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("sensor_range", "steps"),
+    [(2.7, 1), (2.05, 4)],  # sighted from x = 9.5, before the cell, or from x = 10.5, inside it
+)
+def test_a_landmark_sighted_in_the_target_s_cell_ends_the_decision_unless_the_robot_is_there(sensor_range, steps):
+    """From (9, 9) towards the centre of cell 45, (11, 9), with a landmark in its far corner."""
+    constants = {"landmark_count": 1, "obstacle_count": 0, "odometry_sigma": 1e-3, "heading_sigma_deg": 1e-3}
+    scenario = Scenario(sensor_range=sensor_range, **constants)
+    world = World(np.zeros((10, 10), dtype=bool), np.array([[11.95, 9.95]]), (9.0, 9.0, 0.0), 2.0)
+    events = begin(scenario, world=world)
+    next(events)
+    row = events.send(next(events).candidates.tolist().index(45))
+    while isinstance(row, Step):
+        last, row = row, next(events)
+    assert last.step == steps
+    assert last.landmarks == 1
+    assert 45 not in row.candidates
+
+
+@pytest.mark.parametrize("trial", range(4))
 def test_a_frontier_at_which_a_decision_ended_is_not_offered_again_as_it_was(trial):
     """Not before the known cells around it change, unless all that is offered was reached before: no ping-pong.
 

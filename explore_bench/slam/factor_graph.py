@@ -16,6 +16,9 @@ from explore_bench.scenario import Scenario
 RELINEARIZE_THRESHOLD = 0.01
 """Change of a variable [m or rad] beyond which iSAM2 linearizes its factors anew, looked for at every update."""
 
+UNMOVED = 1e-9
+"""Change of an estimate [m, rad] that counts as none."""
+
 
 class FactorGraph:
     """The SLAM graph and its current estimate.
@@ -53,7 +56,7 @@ class FactorGraph:
         """Add a step: its odometry factor (the prior at the first, when `command` is None) and its sightings.
 
         Returns whether estimates of earlier variables changed. Without a sighting the new pose is a leaf whose
-        factor the estimate satisfies, so nothing else moves unless iSAM2 relinearizes.
+        factor the estimate satisfies, so nothing else moves unless iSAM2 goes on to converge.
         """
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._steps += 1
@@ -78,14 +81,26 @@ class FactorGraph:
                 point = np.array([guess[0] + distance * math.cos(angle), guess[1] + distance * math.sin(angle)])
                 values.insert(L(number), point)
             graph.add(gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting))
-        result = self._isam.update(graph, values)
-        return command is None or len(scan.landmarks) > 0 or result.getVariablesRelinearized() > 0
+        self._isam.update(graph, values)
+        return command is None or len(scan.landmarks) > 0 or self._has_moved(self._steps - 1)
 
     def newest_pose(self) -> Pose:
         """Estimate of the newest pose."""
-        pose = self._isam.calculateEstimatePose2(X(self._steps))
-        self._pose = (pose.x(), pose.y(), pose.theta())
+        self._pose = self._pose_estimate(self._steps)
         return self._pose
+
+    def _pose_estimate(self, step: int) -> Pose:
+        pose = self._isam.calculateEstimatePose2(X(step))
+        return pose.x(), pose.y(), pose.theta()
+
+    def _has_moved(self, step: int) -> bool:
+        """Whether the pose that was the newest before this step is no longer where it was.
+
+        iSAM2 solves from the root of its Bayes tree, which holds the newest poses, downwards: while they stand
+        still, so does everything below.
+        """
+        now = self._pose_estimate(step)
+        return max(abs(a - b) for a, b in zip(now, self._pose, strict=True)) > UNMOVED
 
     def estimate(self) -> tuple[Array, Array]:
         """Estimates of all poses, shape (N, 3), and landmarks, shape (M, 2), in order."""

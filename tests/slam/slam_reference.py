@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
-from scipy.linalg import expm
 
 from explore_bench.driver import Driver
 from explore_bench.scan import Scan
@@ -73,38 +72,41 @@ def batch_marginals(graph, poses, landmarks):
 
 
 def precise_marginals(graph, poses, landmarks):
-    """Covariances as by `batch_marginals`, but the derivative of the logarithm is integrated numerically."""
+    """Covariances as by `batch_marginals`, but the derivative of the logarithm is summed as a series."""
     values = values_of(poses, landmarks)
     linear, precise, motions = graph.linearize(values), gtsam.GaussianFactorGraph(), []
     for i in range(graph.size()):
         factor = graph.at(i)
         if isinstance(factor, gtsam.BetweenFactorPose2):
-            k, _ = (gtsam.Symbol(key).index() for key in factor.keys())
-            sigmas = factor.noiseModel().sigmas()
-            motions.append((k, factor.measured(), gtsam.Pose2(*poses[k]).between(gtsam.Pose2(*poses[k + 1])), sigmas))
+            k = gtsam.Symbol(factor.keys()[0]).index()
+            motion = gtsam.Pose2(*poses[k]).between(gtsam.Pose2(*poses[k + 1]))
+            motions.append((k, factor.measured(), motion, factor.noiseModel().sigmas()))
         else:
             precise.push_back(linear.at(i))
-    errors = [measured.between(moved) for _, measured, moved, _ in motions]
-    for (k, _, moved, sigmas), block in zip(motions, derivative_of_logarithm(errors), strict=True):
+    errors = [measured.between(motion) for _, measured, motion, _ in motions]
+    for (k, _, motion, sigmas), block in zip(motions, derivative_of_logarithm(errors), strict=True):
         of_to = block / sigmas[:, None]
-        of_from = -of_to @ moved.inverse().AdjointMap()
+        of_from = -of_to @ motion.inverse().AdjointMap()
         unit = gtsam.noiseModel.Unit.Create(3)
         precise.push_back(gtsam.JacobianFactor(X(k), of_from, X(k + 1), of_to, np.zeros(3), unit))
     return _in_the_world(gtsam.Marginals(precise, values), poses, landmarks)
 
 
 def derivative_of_logarithm(errors):
-    """(∫₀¹ exp(−s ad ξ) ds)⁻¹ at ξ = Log(error), shape (K, 3, 3), by the exponential of a matrix twice the size."""
+    """(∫₀¹ exp(−s ad ξ) ds)⁻¹ = (Σ (−ad ξ)ᵏ / (k + 1)!)⁻¹ at ξ = Log(error), shape (K, 3, 3)."""
     if not errors:
         return np.empty((0, 3, 3))
     x, y, w = np.array([(error.x(), error.y(), error.theta()) for error in errors]).T
     half = np.sinc(0.5 * w / np.pi)
     a, b = np.sinc(w / np.pi), np.sin(0.5 * w) * half  # the translation is [a −b; b a] (u, v)
     u, v = (a * x + b * y) / (a * a + b * b), (a * y - b * x) / (a * a + b * b)
-    blocks = np.zeros((len(errors), 6, 6))
-    blocks[:, 0, 1], blocks[:, 0, 2], blocks[:, 1, 0], blocks[:, 1, 2] = w, -v, -w, u
-    blocks[:, :3, 3:] = np.eye(3)
-    return np.linalg.inv(expm(blocks)[:, :3, 3:])
+    minus_ad = np.zeros((len(errors), 3, 3))
+    minus_ad[:, 0, 1], minus_ad[:, 0, 2], minus_ad[:, 1, 0], minus_ad[:, 1, 2] = w, -v, -w, u
+    term = total = np.tile(np.eye(3), (len(errors), 1, 1))
+    for k in range(1, 40):
+        term = term @ minus_ad / (k + 1)
+        total = total + term
+    return np.linalg.inv(total)
 
 
 def _in_the_world(marginals, poses, landmarks):

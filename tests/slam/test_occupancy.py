@@ -75,7 +75,6 @@ def test_as_many_hits_as_misses_are_even_odds_and_not_occupied(values):
     assert occupancy.probability[0] == pytest.approx(0.5, abs=1e-15)
     assert occupancy.probability[0] < OCCUPIED_ABOVE
     assert not occupancy.occupied.any()
-    assert not occupancy.occupied_at(np.array([0])).any()
     assert occupancy.known[0]
 
 
@@ -96,11 +95,6 @@ def test_the_sensor_model_is_the_scenarios():
 
 def test_probability_of_log_odds():
     np.testing.assert_allclose(probability(np.log([1.0, 3.0, 1 / 3])), [0.5, 0.75, 0.25], rtol=1e-15)
-
-
-def test_occupied_at_picks_cells():
-    occupancy = after(OCCUPIED)
-    assert occupancy.occupied_at(np.array([3, 0, 0, 1])).tolist() == [False, True, True, False]
 
 
 def test_clear_forgets():

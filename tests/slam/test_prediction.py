@@ -111,7 +111,7 @@ def test_predicted_covariances_are_those_of_the_whole_graph(seed, steps):
         assert len(commands) > 0
         assert_same_poses(prediction.poses, poses)
         assert prediction.sightings == len(sightings)
-        for marginals, tolerance in ((batch_marginals, 1e-5), (precise_marginals, 1e-8)):
+        for marginals, tolerance in ((batch_marginals, 1e-5), (precise_marginals, 1e-7)):
             of_poses, of_landmarks = by_gtsam(drive, belief, path, marginals)
             assert worst_difference(prediction.pose_covariances, of_poses) < tolerance
             assert worst_difference(prediction.landmark_covariances, of_landmarks) < tolerance
@@ -178,7 +178,9 @@ def test_without_a_landmark_in_range_the_past_stays_and_the_map_is_extended(cons
     assert prediction.sightings == 0
     past = len(belief.poses)
     np.testing.assert_array_equal(prediction.pose_covariances[: past - 1], belief.pose_covariances[:-1])
-    np.testing.assert_allclose(prediction.pose_covariances[past - 1], belief.pose_covariances[-1], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(
+        prediction.pose_covariances[past - 1], belief.pose_covariances[-1], rtol=1e-9, atol=1e-15
+    )
     assert worst_difference(prediction.landmark_covariances, belief.landmark_covariances) < 1e-9
     of_poses, _ = by_gtsam(drive, belief, path_to(drive, 9, 9))
     sequential = drive.smoother.virtual_map.copy()

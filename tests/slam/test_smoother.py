@@ -72,7 +72,7 @@ def test_covariances_are_gtsams_at_those_estimates(constants):
     drive = small_drive(7, **constants)
     for _ in steps_of(drive, 100, 9):
         smoother = drive.smoother
-        for marginals, tolerance in ((batch_marginals, 1e-5), (precise_marginals, 1e-8)):
+        for marginals, tolerance in ((batch_marginals, 1e-5), (precise_marginals, 1e-7)):
             of_poses, of_landmarks = marginals(drive.graph(), smoother.poses, smoother.landmarks)
             assert worst_difference(smoother.pose_covariances, of_poses) < tolerance
             assert worst_difference(smoother.landmark_covariances, of_landmarks) < tolerance
@@ -184,9 +184,7 @@ def test_a_loop_closure_moves_a_misplaced_obstacle_back():
     At its far side the estimate is metres off and puts the obstacle into cell (11, 12); when the landmark known
     from the start is sighted again, the whole trajectory bends and the obstacle falls into its true cell.
     """
-    scenario = Scenario(
-        size=40.0, landmark_count=2, obstacle_count=1, heading_sigma_deg=1.0, odometry_sigma=0.01
-    )
+    scenario = Scenario(size=40.0, landmark_count=2, obstacle_count=1, heading_sigma_deg=1.0, odometry_sigma=0.01)
     obstacles = np.zeros((20, 20), dtype=bool)
     obstacles[11, 11] = True
     world = World(obstacles, np.array([[9.0, 12.0], [12.0, 9.0]]), (11.0, 11.0, 0.0), 2.0)

@@ -165,9 +165,7 @@ def candidate(scenario, pose, covariance, dx, dy):
     """J Σ Jᵀ + R as matrices: J = ∂(landmark)/∂(pose), R turned from range and bearing."""
     jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx]])
     distance, direction = math.hypot(dx, dy), math.atan2(dy, dx)
-    turn = np.array(
-        [[math.cos(direction), -math.sin(direction)], [math.sin(direction), math.cos(direction)]]
-    )
+    turn = np.array([[math.cos(direction), -math.sin(direction)], [math.sin(direction), math.cos(direction)]])
     noise = np.diag([scenario.range_sigma**2, (math.radians(scenario.bearing_sigma_deg) * distance) ** 2])
     return jacobian @ covariance @ jacobian.T + turn @ noise @ turn.T
 
@@ -205,9 +203,7 @@ def test_a_sight_is_the_spread_of_sampled_landmarks():
     expected = np.cov(points.T)
     found = virtual_map.grid[cell]
     scale = expected.max()
-    np.testing.assert_allclose(
-        found, [expected[0, 0], expected[0, 1], expected[1, 1]], atol=0.02 * scale, rtol=0
-    )
+    np.testing.assert_allclose(found, [expected[0, 0], expected[0, 1], expected[1, 1]], atol=0.02 * scale, rtol=0)
 
 
 def test_a_pose_on_the_centre_of_a_cell_gives_it_its_own_covariance():

@@ -1,0 +1,73 @@
+"""Records, strategies' files and small plans that several test modules share; nothing here is a test."""
+
+from __future__ import annotations
+
+import dataclasses
+import textwrap
+
+import numpy as np
+
+from explore_bench.records import TrialRecord
+from explore_bench.scenario import Scenario
+from explore_bench.simulator.world import World
+from explore_bench.spec import Status, TrialSpec
+from explore_bench.steps import FINAL_COLUMNS, STEP_COLUMNS
+from explore_bench.suites import plan
+
+TINY = Scenario(size=12.0, landmark_count=1, obstacle_count=2, coverage=0.8)
+"""Explored in some 25 steps and 3 decisions."""
+
+NEAREST = """
+    class Plugin:
+        def reset(self, rng):
+            self.decisions = 0
+
+        def choose(self, observation):
+            self.decisions += 1
+            if self.decisions > 1:
+                return self.later(observation)
+            return int(observation.path_lengths.argmin())
+
+        def later(self, observation):
+            return int(observation.path_lengths.argmin())
+"""
+
+
+def tiny_plan(names=("nearest", "random"), trials=2, **options):
+    """Return the trials of some strategies on tiny worlds."""
+    return plan("smoke", list(names), [TINY.size], trials, scenario=TINY, **options).specs
+
+
+def write_plugin(folder, later="return int(observation.path_lengths.argmin())", name="plugin", head=""):
+    """Write a strategy that takes the nearest first and then runs these lines; returns "file.py:Plugin"."""
+    source = textwrap.dedent(NEAREST)
+    start = source.index("        return int", source.index("def later"))
+    body = textwrap.indent(textwrap.dedent(later).strip("\n"), " " * 8)
+    file = folder / f"{name}.py"
+    file.write_text(f"{textwrap.dedent(head)}\n{source[:start]}{body}\n")
+    return f"{file}:Plugin"
+
+
+def record(status="explored", scenario=TINY, strategy="nearest", trial=0, final=None, rows=None, reason="", **columns):
+    """Return a record with these columns of step rows; the others are plain: numbered steps and unit covariances."""
+    count = rows if rows is not None else len(next(iter(columns.values())))
+    steps = {name: np.zeros(count, dtype=column.dtype) for name, column in STEP_COLUMNS.items()}
+    steps["step"] = np.arange(count, dtype=np.int32)
+    for name in ("cov_xx", "cov_yy", "cov_hh"):
+        steps[name] = np.ones(count)
+    steps["uncertainty"] = np.full(count, scenario.prior_uncertainty)
+    for name, values in columns.items():
+        assert name in steps, name
+        steps[name] = np.asarray(values, dtype=STEP_COLUMNS[name].dtype)
+    estimates = {name: np.full(count, np.nan, dtype=np.float32) for name in FINAL_COLUMNS}
+    for name, values in (final or {}).items():
+        estimates[name] = np.asarray(values, dtype=np.float32)
+    n = scenario.cells
+    world = World(np.zeros((n, n), dtype=bool), np.zeros((0, 2)), (1.0, 1.0, float(trial)), scenario.cell_size)
+    spec = TrialSpec(strategy, f"made.by.hand:{strategy.replace('-', '_')}", scenario, trial)
+    return TrialRecord(spec, Status(status).value, reason, steps, estimates, world, timed_out=False)
+
+
+def with_spec(made, **changes):
+    """Return the record with another specification."""
+    return dataclasses.replace(made, spec=dataclasses.replace(made.spec, **changes))
