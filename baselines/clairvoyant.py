@@ -22,15 +22,15 @@ from explore_bench.scenario import Scenario
 BEAM = 24
 """Plans kept at each depth; docs/clairvoyant.md shows what wider beams gain."""
 
-STEPS_PER_CELL = 1.2
-"""Steps that a plan is expected to need for each cell still unknown: ranks plans of one depth."""
+METRES_PER_CELL = 0.6
+"""Path [m] that a plan is expected to need for each cell still unknown: ranks plans of one depth."""
 
 
 class Clairvoyant:
     """Chooses the first decision of the fastest plan that it finds on the true map."""
 
-    def __init__(self, beam: int = BEAM, steps_per_cell: float = STEPS_PER_CELL) -> None:
-        self.beam, self.steps_per_cell = beam, steps_per_cell
+    def __init__(self, beam: int = BEAM, metres_per_cell: float = METRES_PER_CELL) -> None:
+        self.beam, self.metres_per_cell = beam, metres_per_cell
 
     def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
         """Begin a trial in a world that is known; there is nothing to draw."""
@@ -63,7 +63,7 @@ class Clairvoyant:
             (scenario.candidates_per_robot, scenario.candidates_per_landmark),
             math.ceil(scenario.coverage * scenario.cell_count - 1e-9),
             self.beam,
-            self.steps_per_cell,
+            self.metres_per_cell / scenario.step_length,
         )
 
 

@@ -17,6 +17,7 @@ from explore_bench.errors import RequestError
 
 if TYPE_CHECKING:
     from explore_bench.runner import Outcome
+    from explore_bench.scenario import Scenario
     from explore_bench.suites import Plan
 
 DONE, NO, WRONG, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
@@ -127,20 +128,28 @@ def run(
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE
-    return _run(asked, results, seed, workers, backend, timeout, dry_run)
+    return _run(asked, physics, results, seed, workers, backend, timeout, dry_run)
 
 
 def _run(
-    asked: Plan, results: Path, seed: int, workers: int | None, backend: str, timeout: float, dry_run: bool
+    asked: Plan,
+    physics: Scenario | None,
+    results: Path,
+    seed: int,
+    workers: int | None,
+    backend: str,
+    timeout: float,
+    dry_run: bool,
 ) -> int:
     from explore_bench import runner
     from explore_bench.records import Store, missing
     from explore_bench.results import expected_seconds, select
+    from explore_bench.scenario import PAPER
 
     runner.check_runnable(asked.specs)
     store = Store(results)
     if not dry_run or store.exists():
-        store.open(seed, "evaluate")
+        store.open(seed, "evaluate", physics or PAPER)
     to_do = list(missing(store, asked.specs))
     workers = workers or runner.default_workers()
     stored = len(asked.specs) - len(to_do)

@@ -83,11 +83,16 @@ def uncertainty_reduction(record: TrialRecord) -> float:
 
 
 def time_to(coverage: float) -> Callable[[TrialRecord], float]:
-    """Metric of the first step with this share of the map known; the step limit where there is none."""
+    """Metric of the first step with this share of the map known.
+
+    It is the step limit for a trial that ended unexplored before, and NaN where exploring asks for less.
+    """
 
     def value(record: TrialRecord) -> float:
         reached = np.flatnonzero(record.steps["explored"] >= coverage)
-        return float(record.steps["step"][reached[0]]) if len(reached) else float(record.spec.scenario.step_limit)
+        if len(reached):
+            return float(record.steps["step"][reached[0]])
+        return math.nan if finished(record) else float(record.spec.scenario.step_limit)
 
     return value
 

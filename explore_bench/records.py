@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 
 from explore_bench.errors import RequestError
 from explore_bench.provenance import spec_values, trial_key
-from explore_bench.scenario import Scenario
+from explore_bench.scenario import PAPER, Scenario
 from explore_bench.simulator.world import World
 from explore_bench.spec import TrialSpec
 from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, SCHEMA_VERSION, STEP_COLUMNS, Column
@@ -29,6 +29,7 @@ from explore_bench.trial import TrialResult
 
 METADATA_KEY = b"explore_bench"
 PROTOCOL_FILE = "protocol.json"
+_PROTOCOL = {"schema": "record version", "root": "root seed", "purpose": "purpose", "scenario": "scenario"}
 
 
 @dataclass(frozen=True)
@@ -88,9 +89,9 @@ class Store:
         """Whether the folder has been made ready before."""
         return (self.runs / PROTOCOL_FILE).exists()
 
-    def open(self, root: int, purpose: str) -> None:
-        """Make the folder ready for trials of one root seed and purpose."""
-        protocol = {"schema": SCHEMA_VERSION, "root": root, "purpose": purpose}
+    def open(self, root: int, purpose: str, scenario: Scenario | None = PAPER) -> None:
+        """Make the folder ready for trials of one root seed, purpose and scenario (None: of any), sizes aside."""
+        protocol = {"schema": SCHEMA_VERSION, "root": root, "purpose": purpose, "scenario": _name(scenario)}
         try:
             self.runs.mkdir(parents=True, exist_ok=True)
             file = self.runs / PROTOCOL_FILE
@@ -103,15 +104,15 @@ class Store:
         if not os.access(self.runs, os.W_OK):
             raise RequestError(f"results folder '{self.folder}' is not writable; give another with --results.")
         stored = self.protocol()
-        for name, words in (("schema", "record version"), ("root", "root seed"), ("purpose", "purpose")):
+        for name, words in _PROTOCOL.items():
             if stored[name] != protocol[name]:
                 raise RequestError(
-                    f"results folder '{self.folder}' holds trials of {words} {stored[name]}, not {protocol[name]}; "
+                    f"results folder '{self.folder}' holds trials of {words} '{stored[name]}', not '{protocol[name]}'; "
                     "give another with --results."
                 )
 
     def protocol(self) -> dict[str, Any]:
-        """Return record version, root seed and purpose of the folder's trials."""
+        """Return record version, root seed, purpose and scenario of the folder's trials."""
         file = self.runs / PROTOCOL_FILE
         if not file.is_file():
             raise RequestError(
@@ -119,7 +120,7 @@ class Store:
             )
         try:
             protocol: dict[str, Any] = json.loads(file.read_text())
-            if not {"schema", "root", "purpose"} <= protocol.keys():
+            if not _PROTOCOL.keys() <= protocol.keys():
                 raise ValueError
         except (ValueError, AttributeError):
             raise RequestError(f"'{file}' is damaged; delete it and the folder it lies in.") from None
@@ -258,6 +259,16 @@ def _metadata(path: Path) -> bytes:
             f"'{path}' is of record version {version}, not {SCHEMA_VERSION}; give another folder with --results."
         )
     return bytes(metadata[METADATA_KEY])
+
+
+def _name(scenario: Scenario | None) -> str:
+    """Constants that differ from the paper's, the size aside; "any" for None."""
+    if scenario is None:
+        return "any"
+    differs = {
+        key: value for key, value in scenario.model_dump(exclude={"size"}).items() if value != getattr(PAPER, key)
+    }
+    return ", ".join(f"{key}={value}" for key, value in differs.items()) or "paper"
 
 
 def _spec_from(values: dict[str, Any]) -> TrialSpec:

@@ -148,7 +148,8 @@ def by_world(table: pd.DataFrame, metric: str) -> dict[int, float]:
 def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Means with intervals of every table, strategy, size and metric; the paper's value where that table prints one.
 
-    A strategy without trials stands in it with n = 0 where the paper prints a value.
+    A strategy without trials stands in it with n = 0 where the paper prints a value; a metric that is not defined for
+    every trial of a cell is left out.
     """
     rows = []
     metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret"]
@@ -167,8 +168,8 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
                     if not len(cell) and math.isnan(paper):
                         continue
                     values = np.array(list(by_world(cell, metric).values()))
-                    if metric == "regret" and np.isnan(values).any():
-                        continue
+                    if np.isnan(values).any():
+                        continue  # not defined for every trial: no mean over those for which it is
                     estimate = mean_interval(values)
                     rows.append(
                         {

@@ -168,7 +168,7 @@ def run(
     IncompleteError : where the run ended early.
     """
     from explore_bench.results import select
-    from explore_bench.scenario import load_scenario
+    from explore_bench.scenario import PAPER, load_scenario
     from explore_bench.suites import plan
 
     name = scenario if isinstance(scenario, str) else "paper" if scenario is None else "custom"
@@ -176,7 +176,7 @@ def run(
     asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).stem)
     check_runnable(asked.specs)
     store = Store(Path(results))
-    store.open(seed, "evaluate")
+    store.open(seed, "evaluate", physics or PAPER)
     to_do = list(missing(store, asked.specs))
     return select(complete(to_do, store, workers or default_workers(), backend, timeout, progress), asked.specs)
 

@@ -1,6 +1,60 @@
 """What all tests share: property tests have no deadline, for a kernel may be compiled at its first call."""
 
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from handmade import tiny_plan
 from hypothesis import settings
+
+from explore_bench.records import Store
+from explore_bench.spec import TrialSpec
+from explore_bench.trial import TrialResult, run_trial
 
 settings.register_profile("explore-bench", deadline=None)
 settings.load_profile("explore-bench")
+
+
+class Stored(NamedTuple):
+    """A results folder of real trials, and what was written into it."""
+
+    store: Store
+    specs: tuple[TrialSpec, ...]
+    results: tuple[TrialResult, ...]
+
+
+@pytest.fixture(scope="session")
+def stored(tmp_path_factory) -> Stored:
+    """Three strategies, one of them a reference, on three tiny worlds; to be read only."""
+    specs = tiny_plan(("random", "nearest", "clairvoyant"), trials=3)
+    store = Store(tmp_path_factory.mktemp("stored") / "results")
+    store.open(0, "evaluate")
+    results = tuple(run_trial(spec) for spec in specs)
+    for result in results:
+        store.write(result)
+    return Stored(store, specs, results)
+
+
+@pytest.fixture
+def own_store(stored, tmp_path) -> Store:
+    """A copy of those records that a test may change."""
+    folder: Path = tmp_path / "results"
+    shutil.copytree(stored.store.folder, folder)
+    return Store(folder)
+
+
+@pytest.fixture
+def fresh_digests():
+    """Forget the digests of code before and after a test that edits it."""
+    from explore_bench import provenance
+
+    cached = [f for f in vars(provenance).values() if hasattr(f, "cache_clear")]
+
+    def forget():
+        for function in cached:
+            function.cache_clear()
+
+    forget()
+    yield forget
+    forget()

@@ -59,7 +59,9 @@ def test_the_paper_s_metrics_have_the_paper_s_symbols_directions_and_equation_nu
 
 def test_equations_1_to_3_worked_by_hand():
     """T = n_a = 4 of n_g = 100 cells, max tr Σ = 0.25, U falls from U₀ = 200 to 80."""
-    made = record(scenario=MAP, uncertainty=[190.0, 150.0, 120.0, 100.0, 80.0], peak_trace=[0.01, 0.04, 0.09, 0.2, 0.25])
+    made = record(
+        scenario=MAP, uncertainty=[190.0, 150.0, 120.0, 100.0, 80.0], peak_trace=[0.01, 0.04, 0.09, 0.2, 0.25]
+    )
     assert value("trajectory_error", made) == pytest.approx(4 / 100 * 0.5)
     assert value("uncertainty_reduction", made) == pytest.approx(120.0)
     assert value("exploration_efficiency", made) == pytest.approx(30.0)

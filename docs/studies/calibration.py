@@ -72,7 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--store", type=Path, default=Path("results/calibration"))
     store = Store(parser.parse_args().store)
-    store.open(0, "calibrate")
+    store.open(0, "calibrate", scenario=None)
     low, middle, high = OBSTACLE_DENSITIES
     coarse = sweep([(*pair, middle) for pair in itertools.product(STEP_LENGTHS, ODOMETRY_SIGMAS)], FEW, store)
     kept = coarse[["step_length", "odometry_sigma"]].head(KEPT).to_numpy().tolist()

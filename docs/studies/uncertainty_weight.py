@@ -35,7 +35,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--store", type=Path, default=Path("results/calibration"))
     store = Store(parser.parse_args().store)
-    store.open(0, "calibrate")
+    store.open(0, "calibrate", scenario=None)
     specs = plan("paper", ["uncertainty"], SIZES, WORLDS, purpose="calibrate").specs
     rows = []
     for weight in WEIGHTS:

@@ -31,7 +31,7 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
         raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in {', '.join(SUFFIXES)}.")
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
-        store.open(spec.root, spec.purpose)
+        store.open(spec.root, spec.purpose, scenario=None)
         store.write(run_trial(spec))
         record, replay = store.find(spec), store.replay(spec)
     if not replay.steps:

@@ -66,7 +66,7 @@ def batch_marginals(graph, poses, landmarks):
     """Covariances of all poses in the world frame, (N, 3, 3), and landmarks, (M, 2, 2), by gtsam alone.
 
     At odometry residuals between 1e-5 and 1e-3 rad gtsam's own derivative of the logarithm cancels, which may cost
-    up to 1e-6 of a block's largest entry; `precise_marginals` has no such loss.
+    about 1e-6 of a block's largest entry; `precise_marginals` has no such loss.
     """
     return _in_the_world(gtsam.Marginals(graph, values_of(poses, landmarks)), poses, landmarks)
 
