@@ -29,7 +29,7 @@ from explore_bench.trial import TrialResult
 
 METADATA_KEY = b"explore_bench"
 PROTOCOL_FILE = "protocol.json"
-_PROTOCOL = {"schema": "record version", "root": "root seed", "purpose": "purpose", "scenario": "scenario"}
+_PROTOCOL = {"root": "root seed", "purpose": "purpose", "scenario": "scenario"}
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,20 @@ class Store:
             raise RequestError(
                 f"results folder '{self.folder}' holds no trials; run some with 'explore-bench run SUITE'."
             )
+        damaged = RequestError(f"'{file}' is damaged; delete it and the folder it lies in.")
         try:
-            protocol: dict[str, Any] = json.loads(file.read_text())
-            if not _PROTOCOL.keys() <= protocol.keys():
-                raise ValueError
-        except (ValueError, AttributeError):
-            raise RequestError(f"'{file}' is damaged; delete it and the folder it lies in.") from None
-        return protocol
+            protocol = json.loads(file.read_text())
+            version = protocol["schema"]
+        except (ValueError, KeyError, TypeError):
+            raise damaged from None
+        if version != SCHEMA_VERSION:
+            raise RequestError(
+                f"results folder '{self.folder}' holds trials of record version {version}, not {SCHEMA_VERSION}; "
+                "give another with --results."
+            )
+        if not _PROTOCOL.keys() <= protocol.keys():
+            raise damaged
+        return dict(protocol)
 
     def path(self, key: str) -> Path:
         """File of the shard with this key."""

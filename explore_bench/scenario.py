@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from explore_bench.errors import RequestError, unknown
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=1e-9, le=1e6, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Probability = Annotated[float, Field(gt=0, lt=1)]
 
 MAX_CELLS = 40_000
@@ -72,7 +72,9 @@ class Scenario(BaseModel):
     )
     hit: Probability = Field(0.7, description="inverse sensor model of an occupied cell ([8])")
     miss: Probability = Field(0.3, description="inverse sensor model of a free cell ([8])")
-    occupancy_clamp: Probability = Field(0.05, lt=0.5, description="probabilities stay within [c, 1 − c] ([8])")
+    occupancy_clamp: Annotated[float, Field(gt=0, lt=0.5)] = Field(
+        0.05, description="probabilities stay within [c, 1 − c] ([8])"
+    )
 
     # Candidates and protocol (§4.1)
     candidates_per_robot: int = Field(5, ge=0, description="frontier cells nearest to the robot (§4.1)")
@@ -84,7 +86,7 @@ class Scenario(BaseModel):
     steps_per_cell: Positive = Field(10.0, description="step limit per cell of the map (ours)")
     stuck_decisions: int = Field(20, ge=1, description="decisions in one cell that end a trial (ours)")
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, /, **values: Any) -> None:
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -103,6 +105,10 @@ class Scenario(BaseModel):
             )
         if self.miss >= 0.5 or self.hit <= 0.5:
             raise ValueError(f"miss {self.miss:g} and hit {self.hit:g} must lie on either side of 0.5")
+        if self.arrival_radius >= self.cell_size / 2:
+            raise ValueError(
+                f"arrival_radius {self.arrival_radius:g} m reaches out of a cell; keep it under half a cell"
+            )
         if self.min_landmark_range >= self.sensor_range:
             raise ValueError(f"min_landmark_range {self.min_landmark_range:g} m hides all within sensor_range")
         if not self.candidates_per_robot + self.candidates_per_landmark:
@@ -143,7 +149,7 @@ class Scenario(BaseModel):
         """U₀ = 2 σ₀² n_g [m²], the uncertainty of a map never seen (Eq. 1)."""
         return 2.0 * self.virtual_sigma**2 * self.cell_count
 
-    def replace(self, **changes: Any) -> Scenario:
+    def replace(self, /, **changes: Any) -> Scenario:
         """Copy of the scenario with some constants changed, validated anew."""
         return Scenario(**{**self.model_dump(exclude_unset=True), **changes})
 
@@ -195,7 +201,7 @@ def load_scenario(name_or_file: str) -> Scenario:
     except tomllib.TOMLDecodeError as error:
         raise RequestError(f"scenario file '{path}' is not TOML ({error}); write lines like size = 20.0.") from None
     base = values.pop("extends", "paper")
-    if base not in SCENARIOS:
+    if not isinstance(base, str) or base not in SCENARIOS:
         raise unknown(f"scenario file '{path}': extends", str(base), SCENARIOS)
     try:
         return SCENARIOS[base][0].replace(**values)

@@ -57,7 +57,17 @@ def rollout(
     Raises
     ------
     ChoiceError : when what was sent is no index of a candidate.
+    ValueError : when the world does not fit the scenario.
     """
+    if (world.cells, world.cell_size, len(world.landmarks)) != (
+        scenario.cells,
+        scenario.cell_size,
+        scenario.landmarks,
+    ):
+        raise ValueError(
+            f"the world has {world.cells} cells a side of {world.cell_size:g} m and {len(world.landmarks)} landmarks, "
+            f"the scenario {scenario.cells} of {scenario.cell_size:g} m and {scenario.landmarks}; make them agree"
+        )
     vehicle = Vehicle(scenario, world, motion, sensing, lap)
     withheld = Withheld()
     yield vehicle.row()
@@ -76,10 +86,11 @@ def rollout(
                 f"{scenario.stuck_decisions} decisions did not leave cell {own}",
                 smoother.belief(),
             )
-        for array in (found.cells, found.lengths, *found.paths):
-            array.setflags(write=False)
+        # copies: a strategy that forges its observation changes nothing that is driven
+        targets, routes = found.cells.tolist(), [path.copy() for path in found.paths]
         positions = centres(found.cells, scenario.cells, scenario.cell_size)
-        positions.setflags(write=False)
+        for array in (found.cells, found.lengths, positions, *found.paths):
+            array.setflags(write=False)
         choice = yield Observation(
             belief=smoother.belief(),
             step=vehicle.steps,
@@ -92,21 +103,20 @@ def rollout(
         lap("decision")
         index = _checked(choice, len(found.cells))
         vehicle.decisions += 1
-        arrived = False
-        for step in vehicle.drive(found.paths[index]):
+        for step in vehicle.drive(routes[index]):
             yield step
-            arrived = vehicle.arrived
             if vehicle.own_cell != here:
                 here = -1
-        if arrived:
-            withheld.add(int(found.cells[index]), vehicle.known)
+        if vehicle.arrived:
+            withheld.add(targets[index], vehicle.known)
     return Ending(status, "", vehicle.smoother.belief())
 
 
 def _checked(choice: object, count: int) -> int:
     if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
+        shown = " ".join(repr(choice).split())
         raise ChoiceError(
-            f"the answer {choice!r} is of type {type(choice).__name__}; answer an integer index, 0 to {count - 1}"
+            f"the answer {shown} is of type {type(choice).__name__}; answer an integer index, 0 to {count - 1}"
         )
     if not 0 <= choice < count:
         raise ChoiceError(f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}")
@@ -168,11 +178,13 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
             final_covariances = ending.belief.pose_covariances[:, [0, 0, 1], [0, 1, 1]]
     except OutOfTime:
         timed_out = True
-        reason = f"took longer than the {timeout:g} s allowed (at decision {len(seconds)})"
+        reason = f"took longer than the {timeout:g} s allowed"
     except ChoiceError as error:
-        reason = f"{error} (at decision {len(seconds)})"
+        reason = str(error)
     except (Exception, SystemExit) as error:
-        reason = f"{describe(error)} (at decision {len(seconds)})"
+        reason = describe(error)
+    if status is Status.FAILED:
+        reason += f" (at decision {len(seconds)})" if seconds else " (before the first decision)"
     return TrialResult(
         spec=spec,
         world=world,
@@ -207,11 +219,20 @@ def _play(
         if isinstance(event, Step):
             steps.append(event)
             continue
+        snapshot = take_snapshot(event.belief, event.candidates.tolist())
+        count = len(event.candidates)
+        seconds.append(0.0)
         begin = time.perf_counter()
-        choice = strategy.choose(event)
-        seconds.append(time.perf_counter() - begin)
-        if isinstance(choice, int | np.integer):
-            snapshots[len(steps) - 1] = take_snapshot(event.belief, event.candidates.tolist(), int(choice))
+        try:
+            choice = strategy.choose(event)
+        finally:
+            seconds[-1] = time.perf_counter() - begin
+        if isinstance(choice, int | np.integer) and 0 <= choice < count:
+            snapshots[len(steps) - 1] = snapshot._replace(choice=int(choice))
+
+
+REMINDER = 5.0
+"""Seconds after which a strategy that swallowed the first OutOfTime is sent another."""
 
 
 class OutOfTime(BaseException):
@@ -229,7 +250,7 @@ def _time_limit(seconds: float | None) -> Iterator[None]:
         raise OutOfTime
 
     previous = signal.signal(signal.SIGALRM, expire)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, REMINDER)
     try:
         yield
     finally:

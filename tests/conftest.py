@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from handmade import tiny_plan
+from handmade import TINY, tiny_plan
 from hypothesis import settings
 
 from explore_bench.records import Store
@@ -29,7 +29,7 @@ def stored(tmp_path_factory) -> Stored:
     """Three strategies, one of them a reference, on three tiny worlds; to be read only."""
     specs = tiny_plan(("random", "nearest", "clairvoyant"), trials=3)
     store = Store(tmp_path_factory.mktemp("stored") / "results")
-    store.open(0, "evaluate")
+    store.open(0, "evaluate", TINY)
     results = tuple(run_trial(spec) for spec in specs)
     for result in results:
         store.write(result)

@@ -42,11 +42,11 @@ def spec(tmp_path):
 
 
 def message(function, *arguments):
-    """Return the sentence of the RequestError that a call raises; it has one line."""
+    """Return the sentence of the RequestError that a call raises, without its quotes; it has one line."""
     with pytest.raises(RequestError) as caught:
         function(*arguments)
     assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return str(caught.value).replace("'", "")
 
 
 # Schema
@@ -70,11 +70,10 @@ def test_the_files_have_the_columns_and_types_of_the_schema(stored):
     written = pq.read_schema(stored.store.path(trial_key(stored.specs[0])))
     wanted = STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS
     assert written.names == list(wanted)
+    types = {"float32": pa.float32(), "float64": pa.float64(), "int32": pa.int32(), "binary": pa.binary()}
+    types |= {"list<int32>": pa.list_(pa.int32()), "list<float32>": pa.list_(pa.float32())}
     for name, column in wanted.items():
-        dtype = str(written.field(name).type).replace("float", "float64").replace("float64632", "float32")
-        names = {"double": "float64", "float64": "float32", "list<element: int32>": "list<int32>"}
-        names |= {"list<element: float64>": "list<float32>"}
-        assert names.get(dtype, dtype) == column.dtype, name
+        assert written.field(name).type == types[column.dtype], name
 
 
 # Round trips
@@ -214,7 +213,7 @@ def test_the_replay_s_ellipses_are_those_of_the_beliefs_within_their_levels(play
         assert found[..., 1] == pytest.approx(np.sqrt(values[..., 0]), abs=0.5 / 250 + 1e-9)
         turned = np.arctan2(vectors[..., 1, 1], vectors[..., 0, 1])
         off = np.abs((found[..., 2] - turned + np.pi / 2) % np.pi - np.pi / 2)
-        long = np.sqrt(values[..., 1]) - np.sqrt(values[..., 0]) > 0.01
+        long = values[..., 1] - values[..., 0] > 1e-6
         assert long.any()
         assert off[long].max() <= 0.5 * np.pi / 256 + 1e-9
 
@@ -278,8 +277,30 @@ def test_a_temporary_file_that_a_killed_process_left_is_no_record(stored, own_st
 
 
 def test_a_folder_opens_again_with_the_same_protocol(own_store):
-    own_store.open(0, "evaluate")
-    assert own_store.protocol() == {"schema": SCHEMA_VERSION, "root": 0, "purpose": "evaluate"}
+    before = (own_store.runs / PROTOCOL_FILE).read_bytes()
+    own_store.open(0, "evaluate", TINY)
+    assert (own_store.runs / PROTOCOL_FILE).read_bytes() == before
+    protocol = own_store.protocol()
+    assert (protocol["schema"], protocol["root"], protocol["purpose"]) == (SCHEMA_VERSION, 0, "evaluate")
+
+
+def test_a_folder_takes_other_sizes_of_its_scenario(own_store):
+    own_store.open(0, "evaluate", TINY.replace(size=20.0))
+
+
+def test_a_folder_of_another_scenario_is_refused_by_what_differs(own_store):
+    sentence = message(own_store.open, 0, "evaluate", TINY.replace(coverage=0.75))
+    assert "coverage=0.8" in sentence
+    assert "coverage=0.75" in sentence
+    assert "--results" in sentence
+    assert "paper" in message(own_store.open, 0, "evaluate")
+
+
+def test_a_folder_opened_for_any_scenario_takes_no_evaluation_of_one(tmp_path):
+    made = Store(tmp_path / "results")
+    made.open(0, "calibrate", None)
+    made.open(0, "calibrate", None)
+    assert "scenario any" in message(made.open, 0, "calibrate", TINY)
 
 
 def test_only_an_opened_folder_exists(tmp_path):
@@ -294,16 +315,19 @@ def test_only_an_opened_folder_exists(tmp_path):
     [(5, "evaluate", "root seed 0, not 5"), (0, "calibrate", "purpose evaluate, not calibrate")],
 )
 def test_a_folder_of_another_protocol_is_refused_by_its_values(own_store, root, purpose, words):
-    sentence = message(own_store.open, root, purpose)
+    sentence = message(own_store.open, root, purpose, TINY)
     assert words in sentence
     assert str(own_store.folder) in sentence
     assert "--results" in sentence
 
 
-def test_a_folder_of_another_record_version_is_refused_by_its_version(own_store):
+@pytest.mark.parametrize("keys", [("schema", "root", "purpose", "scenario"), ("schema",)], ids=["same", "fewer"])
+def test_a_folder_of_another_record_version_is_refused_by_its_version(own_store, keys):
+    """Whatever else another version writes there: nobody is told to delete it as damaged."""
     file = own_store.runs / PROTOCOL_FILE
-    file.write_text(json.dumps({"schema": 99, "root": 0, "purpose": "evaluate"}))
-    sentence = message(own_store.open, 0, "evaluate")
+    values = json.loads(file.read_text()) | {"schema": 99}
+    file.write_text(json.dumps({key: values[key] for key in keys}))
+    sentence = message(own_store.open, 0, "evaluate", TINY)
     assert f"record version 99, not {SCHEMA_VERSION}" in sentence
     assert "--results" in sentence
 
@@ -312,7 +336,7 @@ def test_a_folder_of_another_record_version_is_refused_by_its_version(own_store)
 def test_a_damaged_protocol_is_named(own_store, content):
     file = own_store.runs / PROTOCOL_FILE
     file.write_bytes(content.encode(errors="surrogateescape"))
-    for call in ((own_store.open, 0, "evaluate"), (own_store.protocol,), (own_store.records,)):
+    for call in ((own_store.open, 0, "evaluate", TINY), (own_store.protocol,), (own_store.records,)):
         sentence = message(*call)
         assert str(file) in sentence
         assert "damaged" in sentence
@@ -332,7 +356,7 @@ def test_a_folder_that_is_a_file_is_refused_by_its_name(tmp_path):
 
 def test_an_existing_folder_that_may_not_be_written_is_refused(monkeypatch, own_store):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    sentence = message(own_store.open, 0, "evaluate")
+    sentence = message(own_store.open, 0, "evaluate", TINY)
     assert "not writable" in sentence
     assert str(own_store.folder) in sentence
 
@@ -341,7 +365,7 @@ def test_an_existing_folder_that_may_not_be_written_is_refused(monkeypatch, own_
 def test_a_folder_without_the_right_to_write_is_refused(own_store):
     own_store.runs.chmod(0o500)
     try:
-        assert "not writable" in message(own_store.open, 0, "evaluate")
+        assert "not writable" in message(own_store.open, 0, "evaluate", TINY)
     finally:
         own_store.runs.chmod(0o700)
 

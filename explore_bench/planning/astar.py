@@ -27,7 +27,13 @@ def shortest_path(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArr
     -------
     The cells of the path from start to goal, shape (P,), and its length in cell edges; no cells and infinity where
     the goal cannot be reached. Ties are broken by cell index, so equal grids give equal paths.
+
+    Raises
+    ------
+    ValueError : for a grid that is not square, or a cell that is not on it.
     """
+    if free.ndim != 2 or free.shape[0] != free.shape[1] or not (0 <= start < free.size and 0 <= goal < free.size):
+        raise ValueError(f"no cells {start} and {goal} on a square grid of shape {free.shape}")
     return _astar(np.ascontiguousarray(free), start, goal)
 
 

@@ -49,7 +49,7 @@ class World:
     @property
     def digest(self) -> str:
         """Twelve hexadecimal digits that tell this world from any other."""
-        digest = hashlib.sha256(np.packbits(self.obstacles).tobytes())
+        digest = hashlib.sha256(str(self.cells).encode() + np.packbits(self.obstacles).tobytes())
         digest.update(self.landmarks.tobytes())
         digest.update(np.array([*self.start, self.cell_size]).tobytes())
         return digest.hexdigest()[:12]

@@ -168,5 +168,7 @@ def _freeze(value: object) -> None:
         part = getattr(value, name)
         if isinstance(part, np.ndarray):
             part.setflags(write=False)
+            if isinstance(part.base, np.ndarray):
+                part.base.setflags(write=False)
         else:
             _freeze(part)
