@@ -10,6 +10,7 @@ import json
 import os
 import uuid
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -156,7 +157,7 @@ class Store:
         RequestError : for a file that is no shard or of another record version.
         """
         values = json.loads(_metadata(path))
-        columns = pq.read_table(path, columns=[*STEP_COLUMNS, *FINAL_COLUMNS])
+        columns = _columns(path, [*STEP_COLUMNS, *FINAL_COLUMNS])
         arrays = {name: columns[name].to_numpy() for name in columns.column_names}
         world = values["world"]
         cells = int(values["spec"]["scenario"]["size"] / values["spec"]["scenario"]["cell_size"] + 0.5)
@@ -183,7 +184,7 @@ class Store:
 
     def replay(self, spec: TrialSpec) -> Replay:
         """Read the replay of a stored trial."""
-        table = pq.read_table(self.path(trial_key(spec)), columns=["step", *REPLAY_COLUMNS]).to_pylist()
+        table = _columns(self.path(trial_key(spec)), ["step", *REPLAY_COLUMNS]).to_pylist()
         rows = [row for row in table if row["map"] is not None]
         return Replay(
             steps=[row["step"] for row in rows],
@@ -253,11 +254,22 @@ def _schema() -> pa.Schema:
     return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
 
 
-def _metadata(path: Path) -> bytes:
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
     try:
-        metadata = pq.read_schema(path).metadata or {}
+        yield
     except (pa.ArrowException, OSError):
         raise RequestError(f"'{path}' is no readable record; delete it and run again.") from None
+
+
+def _columns(path: Path, names: list[str]) -> pa.Table:
+    with _readable(path):
+        return pq.read_table(path, columns=names)
+
+
+def _metadata(path: Path) -> bytes:
+    with _readable(path):
+        metadata = pq.read_schema(path).metadata or {}
     if METADATA_KEY not in metadata:
         raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
     version = json.loads(metadata[METADATA_KEY])["schema"]

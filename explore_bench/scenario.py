@@ -50,10 +50,10 @@ class Scenario(BaseModel):
     occlusion: bool = Field(False, description="whether obstacles hide what lies behind them (ours)")
 
     # Motion
-    step_length: Positive = Field(0.5, description="longest straight step [m] (calibrated)")
+    step_length: Positive = Field(0.7, description="longest straight step [m] (calibrated)")
     turn_threshold_deg: Positive = Field(15.0, le=90, description="bearing error that asks for a turn [°] (ours)")
     arrival_radius: Positive = Field(0.25, description="distance at which a waypoint is reached [m] (ours)")
-    odometry_sigma: Positive = Field(0.07, description="noise along and across, a straight step [m] (calibrated)")
+    odometry_sigma: Positive = Field(0.1, description="noise along and across, a straight step [m] (calibrated)")
     turn_sigma: Positive = Field(0.001, description="the same of a turn in place [m]: a factor needs some (ours)")
     heading_sigma_deg: Positive = Field(0.2, description="noise of the heading, every step [°] (as [8])")
     prior_sigma: Positive = Field(0.05, description="prior of the start, x and y [m] (as [8])")

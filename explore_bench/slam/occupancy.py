@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, cells_in_reach
+from explore_bench.scan import HIDDEN, OCCUPIED
 from explore_bench.scenario import Scenario
 
 OCCUPIED_ABOVE = 0.5 + 1e-9
@@ -42,6 +43,13 @@ def point_in_patch(dx: float, dy: float, heading: float, origin: Array) -> tuple
 
 
 @jit
+def look_up(patch: NDArray[np.uint8], u: float, v: float, cell_size: float) -> int:
+    """Value that a scan's patch holds at a point of it [m]; the far edge, reached by rounding, counts as inside."""
+    side = patch.shape[0]
+    return patch[min(max(int(v / cell_size), 0), side - 1), min(max(int(u / cell_size), 0), side - 1)]
+
+
+@jit
 def place_scans(
     log_odds: Array,
     known: NDArray[np.bool_],
@@ -64,7 +72,6 @@ def place_scans(
     """
     hit, miss, bound = increments
     reach2 = sensor_range * sensor_range
-    side = patches.shape[1]
     for i in range(poses.shape[0]):
         x, y = poses[i, 0], poses[i, 1]
         turn = origins[i, 2] - poses[i, 2]
@@ -78,11 +85,11 @@ def place_scans(
                 if dx * dx + dy * dy > reach2:
                     continue
                 u, v = origins[i, 0] + c * dx - s * dy, origins[i, 1] + s * dx + c * dy
-                value = patches[i, min(max(int(v / cell_size), 0), side - 1), min(max(int(u / cell_size), 0), side - 1)]
-                if value == 2:
+                value = look_up(patches[i], u, v, cell_size)
+                if value == HIDDEN:
                     continue
                 known[cell] = True
-                change = hit if value == 1 else miss
+                change = hit if value == OCCUPIED else miss
                 log_odds[cell] = min(max(log_odds[cell] + change, -bound), bound)
 
 
@@ -145,10 +152,11 @@ def renyi_entropy(probability: ArrayLike, order: ArrayLike) -> Array:
     min-entropy −log₂ max(p, 1 − p).
     """
     p, beta = np.broadcast_arrays(np.asarray(probability, dtype=float), np.asarray(order, dtype=float))
-    larger = np.maximum(p, 1.0 - p)
-    ratio = (1.0 - larger) / larger
+    larger, smaller = np.maximum(p, 1.0 - p), np.minimum(p, 1.0 - p)
+    ratio = smaller / larger
     near_one, infinite = np.abs(beta - 1.0) < 1e-6, np.isinf(beta)
     safe = np.where(near_one | infinite, 2.0, beta)
     # p^β + q^β = larger^β (1 + ratio^β): no underflow at large orders
     general = (safe * np.log2(larger) + np.log1p(ratio**safe) / math.log(2.0)) / (1.0 - safe)
+    general = np.where(smaller == 0.0, 0.0, general)
     return np.where(near_one, shannon_entropy(p), np.where(infinite, -np.log2(larger), general))

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, cells_in_reach
+from explore_bench.scan import HIDDEN
 from explore_bench.scenario import Scenario
-from explore_bench.slam.occupancy import point_in_patch
+from explore_bench.slam.occupancy import look_up, point_in_patch
 
 Constants = tuple[int, float, float, float, float, bool, bool]
 """(cells a side, cell size, sensor range, bearing σ, range σ, least determinant?, first sight replaces?)"""
@@ -148,7 +149,7 @@ def fuse_poses(
                     continue
                 if occluded:
                     u, v = point_in_patch(dx, dy, poses[i, 2], origins[i])
-                    if patches[i, int(v / cell_size), int(u / cell_size)] == 2:
+                    if look_up(patches[i], u, v, cell_size) == HIDDEN:
                         continue
                 # J = [1 0 −dy; 0 1 dx]; R turned from (range, bearing) into the world's axes
                 along = range2 / distance2 if distance2 > 1e-12 else 0.0

@@ -122,7 +122,7 @@ def test_two_sightings_are_weighed_by_their_noise():
     The start x₀ ~ N(0, 0.05²), x₁ − x₀ = 0.5, l − x₀ = 3 and l − x₁ = 2.6 give by least squares a step of
     (0.5/0.07² + 0.4/(2 · 0.02²)) / (1/0.07² + 1/(2 · 0.02²)).
     """
-    graph = FactorGraph(Scenario(), (0.0, 0.0, 0.0))
+    graph = FactorGraph(Scenario(odometry_sigma=0.07), (0.0, 0.0, 0.0))
     graph.add(None, scan_of([(0, 0.0, 3.0)]))
     graph.add((0.0, 0.5), scan_of([(0, 0.0, 2.6)]))
     poses, _ = graph.estimate()

@@ -10,12 +10,12 @@ from gtsam.symbol_shorthand import L, X
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
-from slam_reference import odometry_factor, sighting_factor
+from slam_reference import PINNED, odometry_factor, sighting_factor
 
 from explore_bench.scenario import Scenario
 from explore_bench.slam.linearization import NoiseModel, linearize_odometry, linearize_sightings
 
-SCENARIO = Scenario()
+SCENARIO = Scenario(**PINNED)
 ANGLES = st.floats(-3.1, 3.1)
 METRES = st.floats(-8.0, 8.0)
 OFFSETS = st.floats(-0.6, 0.6)

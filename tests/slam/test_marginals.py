@@ -256,7 +256,7 @@ def test_the_first_pose_has_the_prior_in_the_world_frame():
 
 def test_one_straight_step_by_hand():
     """North by 0.5 m: across grows by the lever of the heading, (0.5 σ_θ)², and odometry adds its own."""
-    marginals = Marginals(Scenario(prior_heading_sigma_deg=6.0))
+    marginals = Marginals(Scenario(prior_heading_sigma_deg=6.0, odometry_sigma=0.07))
     marginals.add(None, [])
     marginals.solve(np.array([[0.0, 0.0, math.pi / 2]]), EMPTY)
     marginals.add((0.0, 0.5), [])

@@ -1,0 +1,196 @@
+"""Suites and plans: what a request asks for, in which order, and what it may not ask for."""
+
+import math
+
+import pytest
+from handmade import TINY, write_plugin
+
+from explore_bench.errors import RequestError
+from explore_bench.registry import strategies
+from explore_bench.scenario import PAPER, Scenario
+from explore_bench.suites import SUITES, plan
+
+UNTRAINED_BASELINES = {"entropy", "uncertainty", "random", "nearest", "clairvoyant"}
+
+
+def message(*arguments, **options):
+    with pytest.raises(RequestError) as caught:
+        plan(*arguments, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def cells(specs):
+    return {(spec.strategy, spec.scenario.size, spec.trial) for spec in specs}
+
+
+# What the suites hold
+
+
+def test_the_suites_of_the_benchmark():
+    assert list(SUITES) == ["smoke", "table2", "table3", "layers", "paper"]
+    assert all(suite.description for suite in SUITES.values())
+
+
+def test_table_2_runs_at_20_and_40_m_and_table_3_at_30_m_too_on_50_worlds():
+    assert (SUITES["table2"].sizes, SUITES["table2"].trials) == ((20.0, 40.0), 50)
+    assert (SUITES["table3"].sizes, SUITES["table3"].trials) == ((20.0, 30.0, 40.0), 50)
+
+
+def test_the_paper_is_table_2_table_3_and_layers_without_repeats():
+    paper = plan("paper").specs
+    parts = [plan(name).specs for name in ("table2", "table3", "layers")]
+    assert cells(paper) == set().union(*map(cells, parts))
+    assert len(cells(paper)) == len(paper)
+
+
+def test_the_paper_suite_runs_every_strategy_that_needs_no_training_on_50_worlds_of_three_sizes():
+    paper = plan("paper").specs
+    assert cells(paper) == {
+        (name, size, trial) for name in UNTRAINED_BASELINES for size in (20.0, 30.0, 40.0) for trial in range(50)
+    }
+
+
+def test_smoke_looks_at_every_strategy_that_can_run():
+    assert {spec.strategy for spec in plan("smoke").specs} == UNTRAINED_BASELINES
+
+
+def test_strategies_without_weights_are_listed_and_not_run():
+    asked = plan("table2")
+    assert set(asked.untrained) == {"graph-stnn", "gcn-no-obs", "gcn-obs"}
+    assert not {spec.strategy for spec in asked.specs} & set(asked.untrained)
+
+
+def test_layers_asks_for_the_strategies_of_figure_8_only():
+    asked = plan("layers")
+    assert asked.specs == ()
+    assert set(asked.untrained) == {"graph-stnn", "graph-stnn-1-layer", "graph-stnn-3-layers"}
+
+
+def test_a_named_strategy_without_weights_is_listed_too():
+    asked = plan("table2", ["graph-stnn", "nearest"], trials=1)
+    assert asked.untrained == ("graph-stnn",)
+    assert {spec.strategy for spec in asked.specs} == {"nearest"}
+
+
+# Plans
+
+
+def test_a_plan_goes_by_strategy_then_size_then_world():
+    specs = plan("table3", ["random", "nearest"], trials=2).specs
+    assert [(spec.strategy, spec.scenario.size, spec.trial) for spec in specs] == [
+        (name, size, trial) for name in ("random", "nearest") for size in (20.0, 30.0, 40.0) for trial in (0, 1)
+    ]
+
+
+def test_a_plan_is_the_same_every_time():
+    assert plan("paper") == plan("paper")
+
+
+def test_a_plan_s_trials_carry_what_their_entry_says():
+    entry = strategies()["clairvoyant"]
+    spec = plan("smoke", ["clairvoyant"], trials=1).specs[0]
+    assert (spec.factory, spec.reference, spec.parameters) == (entry.factory, True, dict(entry.parameters))
+    assert (spec.purpose, spec.root, spec.training_seed, spec.scenario_name) == ("evaluate", 0, None, "paper")
+    assert spec.scenario == PAPER.replace(size=20.0)
+
+
+def test_root_seed_and_purpose_reach_every_trial():
+    specs = plan("smoke", root=9, purpose="calibrate").specs
+    assert {(spec.root, spec.purpose) for spec in specs} == {(9, "calibrate")}
+
+
+def test_sizes_and_numbers_can_be_asked_for():
+    specs = plan("table2", ["nearest"], [12.0, 16.0], 3).specs
+    assert [(spec.scenario.size, spec.trial) for spec in specs] == [(s, t) for s in (12.0, 16.0) for t in range(3)]
+
+
+def test_a_size_asked_for_twice_runs_once():
+    specs = plan("smoke", ["nearest"], [12.0, 12.0], 2).specs
+    assert len(specs) == len(cells(specs)) == 2
+
+
+def test_a_strategy_asked_for_twice_runs_once():
+    specs = plan("smoke", ["nearest", "nearest"], trials=2).specs
+    assert len(specs) == 2
+
+
+def test_two_strategies_of_one_name_are_refused(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    names = [write_plugin(tmp_path / folder) for folder in "ab"]
+    sentence = message("smoke", names)
+    assert all(name in sentence for name in names)
+    assert "same name" in sentence
+
+
+def test_a_plugin_of_the_name_of_a_registered_strategy_is_refused_beside_it(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("class nearest: ...\n")
+    assert "same name" in message("smoke", ["nearest", f"{file}:nearest"])
+
+
+def test_a_plugin_runs_at_all_sizes_of_the_suite(tmp_path):
+    specs = plan("table3", [write_plugin(tmp_path)], trials=1).specs
+    assert [spec.scenario.size for spec in specs] == [20.0, 30.0, 40.0]
+    assert {spec.strategy for spec in specs} == {"Plugin"}
+
+
+# Scenarios
+
+
+def test_a_scenario_without_a_size_takes_the_sizes_of_the_suite():
+    specs = plan("table2", ["nearest"], trials=1, scenario=Scenario(coverage=0.7), scenario_name="mine").specs
+    assert [spec.scenario.size for spec in specs] == [20.0, 40.0]
+    assert {(spec.scenario.coverage, spec.scenario_name) for spec in specs} == {(0.7, "mine")}
+
+
+def test_a_scenario_with_a_size_of_its_own_keeps_it():
+    specs = plan("table2", ["nearest"], trials=1, scenario=Scenario(size=12.0)).specs
+    assert [spec.scenario.size for spec in specs] == [12.0]
+
+
+def test_a_scenario_whose_own_size_is_the_default_keeps_it():
+    specs = plan("table2", ["nearest"], trials=1, scenario=Scenario(size=20.0)).specs
+    assert [spec.scenario.size for spec in specs] == [20.0]
+
+
+def test_a_size_that_is_asked_for_wins_over_the_scenario_s():
+    specs = plan("table2", ["nearest"], [16.0], 1, scenario=TINY).specs
+    assert [spec.scenario for spec in specs] == [TINY.replace(size=16.0)]
+
+
+# What may not be asked for
+
+
+@pytest.mark.parametrize(("wrong", "right"), [("tabel2", "table2"), ("Smoke", "smoke"), ("papers", "paper")])
+def test_an_unknown_suite_is_refused_with_the_nearest_spelling(wrong, right):
+    sentence = message(wrong)
+    assert f"suite '{wrong}' is unknown" in sentence
+    assert f"did you mean '{right}'?" in sentence
+
+
+def test_an_unknown_strategy_is_refused():
+    assert "strategy 'nearst' is unknown" in message("smoke", ["random", "nearst"])
+
+
+@pytest.mark.parametrize("trials", [0, -3])
+def test_a_number_of_trials_below_one_is_refused(trials):
+    assert f"trials is {trials}" in message("smoke", trials=trials)
+
+
+@pytest.mark.parametrize("root", [-1, 2**32])
+def test_a_root_seed_out_of_range_is_refused_with_the_range(root):
+    sentence = message("smoke", root=root)
+    assert f"seed is {root}" in sentence
+    assert str(2**32 - 1) in sentence
+
+
+@pytest.mark.parametrize("root", [0, 2**32 - 1])
+def test_the_ends_of_the_range_of_root_seeds_can_be_used(root):
+    assert plan("smoke", ["nearest"], trials=1, root=root).specs[0].root == root
+
+
+@pytest.mark.parametrize("size", [0.0, -20.0, 21.0, 2.0, 1e6, math.nan, math.inf])
+def test_a_size_that_no_map_can_have_is_refused_by_its_value(size):
+    assert f"{size:g}" in message("smoke", ["nearest"], [size])
