@@ -18,8 +18,8 @@ class Elimination:
 
     Attributes
     ----------
-    pivots, gains, borders, widths : of the eliminated poses, shapes (N − 1, 3, 3), (N − 1, 3, 3),
-        (N − 1, 3, 2M) and (N − 1,).
+    pivots, gains, borders, widths : of the eliminated poses, shapes (N − 1, 3, 3), (N − 1, 3, 3), (N − 1, 3, ≥ 2M)
+        and (N − 1,); a border holds nothing beyond its width.
     corner : information of the newest pose and the landmarks, shape (3 + 2M, 3 + 2M).
     corner_covariance : its inverse; the pose in its own frame.
     """

@@ -41,7 +41,11 @@ class Prediction:
 
     @cached_property
     def virtual_map(self) -> Array:
-        """Covariance (xx, xy, yy) of every virtual landmark at the end, shape (n, n, 3); nothing hides a cell."""
+        """Covariance (xx, xy, yy) of every virtual landmark at the end, shape (n, n, 3).
+
+        On the way nothing hides a cell. Where obstacles occlude, cells keep at least the covariance that they have:
+        which past pose saw which of them is not part of a belief.
+        """
         belief = self.belief
         scenario, past = belief.scenario, len(belief.poses)
         trajectory = np.concatenate((belief.poses, self.poses))

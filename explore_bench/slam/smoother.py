@@ -122,7 +122,7 @@ class Smoother:
             poses=self.poses.copy(),
             pose_covariances=self.pose_covariances.copy(),
             landmarks=self.landmarks.copy(),
-            landmark_covariances=self.landmark_covariances,
+            landmark_covariances=self.landmark_covariances.copy(),
             landmark_ids=np.array(self._graph.landmark_ids, dtype=np.int64),
             occupancy=self.occupancy.probability.reshape(n, n),
             known=self.occupancy.known.copy().reshape(n, n),

@@ -1,0 +1,242 @@
+"""The rules of imports of the design and of CONTRIBUTING.md, read from the syntax trees."""
+
+import ast
+import importlib
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import baselines
+import explore_bench
+from explore_bench.registry import strategies
+from explore_bench.steps import STEP_COLUMNS
+
+PACKAGE, BASELINES = Path(explore_bench.__file__).parent, Path(baselines.__file__).parent
+ROOT = Path(__file__).parent.parent
+
+
+def name_of(path):
+    parts = path.relative_to(PACKAGE.parent if path.is_relative_to(PACKAGE) else BASELINES.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+CORE = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+OURS = {name_of(path): path for path in sorted(BASELINES.rglob("*.py"))}
+
+
+@cache
+def tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def is_type_checking(node):
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+
+
+def nodes(root, types_too):
+    """Yield every node of a tree, those within `if TYPE_CHECKING:` only where asked for."""
+    for child in ast.iter_child_nodes(root):
+        if is_type_checking(child) and not types_too:
+            continue
+        yield child
+        yield from nodes(child, types_too)
+
+
+def imports(name, path, types_too=False):
+    """Return (module, imported name or None) of every import statement, those inside functions included."""
+    found = set()
+    for node in nodes(tree(path), types_too):
+        if isinstance(node, ast.Import):
+            found |= {(alias.name, None) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                package = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+                base = ".".join([*package[: len(package) - node.level + 1], *filter(None, [base])])
+            found |= {(base, alias.name) for alias in node.names}
+    return found
+
+
+def modules(name, path, types_too=False):
+    """Return the modules of explore_bench that a file imports; `from package import module` names the module."""
+    found = set()
+    for base, item in imports(name, path, types_too):
+        whole = f"{base}.{item}"
+        if whole in CORE:
+            found.add(whole)
+        elif base in CORE:
+            found.add(base)
+    return found
+
+
+def importers(library, files):
+    return {
+        name
+        for name, path in files.items()
+        if any(base.split(".")[0] == library for base, _ in imports(name, path, types_too=True))
+    }
+
+
+def test_the_walk_finds_what_is_there():
+    """A walk that saw nothing would prove nothing."""
+    assert "explore_bench.slam.belief" in modules("explore_bench.steps", CORE["explore_bench.steps"])
+    assert "explore_bench.runner" in modules("explore_bench.cli", CORE["explore_bench.cli"]), "inside a function"
+    assert "explore_bench.records" not in modules("explore_bench.metrics", CORE["explore_bench.metrics"]), "a type"
+    assert "explore_bench.records" in modules("explore_bench.metrics", CORE["explore_bench.metrics"], types_too=True)
+    assert {"baselines", "baselines.nearest"} <= OURS.keys()
+    assert len(CORE) > 30
+
+
+# One door a library
+
+
+@pytest.mark.parametrize(
+    ("library", "doors"),
+    [
+        ("gtsam", {"explore_bench.slam.factor_graph"}),
+        ("joblib", {"explore_bench.runner"}),
+        ("numba", {"explore_bench.compiled"}),
+        ("torch", set()),
+    ],
+)
+def test_a_library_enters_through_its_own_door(library, doors):
+    assert importers(library, CORE) == doors
+    assert importers(library, OURS) <= ({"baselines.learned", "baselines.training"} if library == "torch" else set())
+
+
+def test_matplotlib_enters_through_the_report_only():
+    found = importers("matplotlib", CORE)
+    assert found
+    assert all(name.startswith("explore_bench.report.") for name in found)
+    assert not importers("matplotlib", OURS)
+
+
+def test_a_generator_is_born_in_seeding_only():
+    """No call of anything in numpy.random anywhere else, nor of the standard library's random."""
+    for name, path in (CORE | OURS).items():
+        calls = [ast.unparse(node.func) for node in ast.walk(tree(path)) if isinstance(node, ast.Call)]
+        born = [call for call in calls if re.match(r"(np|numpy)\.random\.", call) or call.endswith("default_rng")]
+        assert bool(born) == (name == "explore_bench.seeding"), (name, born)
+    assert not importers("random", CORE | OURS)
+
+
+# Who may not know whom
+
+
+def test_the_core_never_imports_the_baselines():
+    assert importers("baselines", CORE) == set()
+    for name, path in CORE.items():
+        texts = [node.value for node in ast.walk(tree(path)) if isinstance(node, ast.Constant)]
+        assert not [text for text in texts if isinstance(text, str) and re.match(r"baselines[.:]\w", text)], name
+
+
+def test_the_core_knows_no_strategy_by_name():
+    names = strategies().keys() - STEP_COLUMNS.keys()  # there is a column of the name of one
+    for name, path in CORE.items():
+        texts = {node.value for node in ast.walk(tree(path)) if isinstance(node, ast.Constant)}
+        assert not texts & names, name
+
+
+@pytest.mark.parametrize(
+    ("package", "other"),
+    [
+        ("slam", "simulator"),
+        ("slam", "planning"),
+        ("planning", "simulator"),
+        ("simulator", "slam"),
+        ("simulator", "planning"),
+    ],
+)
+def test_truth_and_belief_do_not_know_each_other(package, other):
+    for name, path in CORE.items():
+        if name.startswith(f"explore_bench.{package}"):
+            known = modules(name, path, types_too=True)
+            assert not [one for one in known if one.startswith(f"explore_bench.{other}")], name
+
+
+def test_the_baselines_use_public_names_only():
+    for name, path in OURS.items():
+        for base, item in imports(name, path, types_too=True):
+            if base.split(".")[0] == "explore_bench":
+                parts = [*base.split("."), *([item] if item else [])]
+                assert not [part for part in parts if part.startswith("_")], (name, parts)
+                if item:
+                    module = importlib.import_module(base)
+                    assert hasattr(module, item), (name, parts)
+
+
+def test_the_baselines_reach_no_private_attribute_of_a_module():
+    for name, path in OURS.items():
+        own = {base.split(".")[-1] for base, item in imports(name, path) if base.startswith("explore_bench")}
+        own |= {item for base, item in imports(name, path) if f"{base}.{item}" in CORE}
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in own:
+                assert not node.attr.startswith("_"), (name, ast.unparse(node))
+
+
+def test_no_baseline_imports_another():
+    """Each in one file; only the table of all of them names them, and it does so in strings."""
+    for name, path in OURS.items():
+        assert not [base for base, _ in imports(name, path) if base.split(".")[0] == "baselines"], name
+
+
+def test_all_public_names_of_the_package_can_be_had():
+    for name in explore_bench.__all__:
+        assert getattr(explore_bench, name).__name__ == name
+    with pytest.raises(AttributeError, match="nothing_of_the_kind"):
+        _ = explore_bench.nothing_of_the_kind
+
+
+# Layers and cycles
+
+
+UNNAMED = {"errors": -1, "compiled": -1, "spec": -2, "vehicle": -3}
+"""Layers, from the lowest, of modules that CONTRIBUTING.md leaves out."""
+
+
+def layers():
+    """Return the layer of each module, 0 the lowest, as CONTRIBUTING.md lists them from above."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    sentence = re.search(r"Imports go down:(.*?)\. `explore_bench` never", text, re.DOTALL)
+    assert sentence, "CONTRIBUTING.md lists the layers"
+    from_above = [re.findall(r"`(\w+)`", part) for part in sentence.group(1).split("→")]
+    assert len(from_above) >= 5
+    found = {name: len(from_above) - 1 - i for i, part in enumerate(from_above) for name in part}
+    return {name: -1 - place for name, place in UNNAMED.items()} | found
+
+
+def test_every_module_has_a_layer():
+    parts = {name.split(".")[1] for name in CORE if "." in name}
+    assert parts == layers().keys()
+
+
+@pytest.mark.parametrize("name", [name for name in CORE if "." in name])
+def test_imports_only_go_down(name):
+    place = layers()
+    for other in modules(name, CORE[name]):
+        if "." in other:
+            assert place[other.split(".")[1]] <= place[name.split(".")[1]], f"{name} imports {other}"
+        else:
+            pytest.fail(f"{name} imports the package's root")
+
+
+def test_there_is_no_cycle_of_imports():
+    """Those inside functions counted."""
+    graph = {name: modules(name, path) - {name} for name, path in CORE.items()}
+    done, chain = set(), []
+
+    def visit(name):
+        assert name not in chain, " → ".join([*chain[chain.index(name) :], name])
+        if name in done:
+            return
+        chain.append(name)
+        for other in sorted(graph[name]):
+            visit(other)
+        chain.pop()
+        done.add(name)
+
+    for name in graph:
+        visit(name)
+    assert done == CORE.keys()
