@@ -29,10 +29,11 @@ test: $(READY)           ## The tests
 test-slow: $(READY)      ## The tests that take minutes
 	$(BIN)/pytest -m slow
 
-lint: $(READY)           ## Style and types
+lint: $(READY)           ## Style, types, and pages that match the results
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python docs/fill.py --check
 
 calibrate: $(READY)      ## The studies behind the constants that the paper leaves out (an hour)
 	$(BIN)/python docs/studies/calibration.py

@@ -198,7 +198,8 @@ class Store:
     def records(self) -> tuple[list[TrialRecord], int]:
         """All trials of the folder whose key is still that of their specification, and how many are stale.
 
-        A trial is stale where the code or the libraries that it ran have changed since.
+        A trial is stale where the code or the libraries that it ran have changed since. The order is that of
+        `trials.csv`: strategy, training seed, size, trial.
         """
         self.protocol()
         found: list[TrialRecord] = []
@@ -209,6 +210,7 @@ class Store:
                 found.append(record)
             else:
                 stale += 1
+        found.sort(key=_order)
         return found, stale
 
     def _is_current(self, spec: TrialSpec, path: Path) -> bool:
@@ -252,6 +254,11 @@ def _schema() -> pa.Schema:
 
     columns = STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS
     return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
+
+
+def _order(record: TrialRecord) -> tuple[str, int, float, int]:
+    spec = record.spec
+    return spec.strategy, -1 if spec.training_seed is None else spec.training_seed, spec.scenario.size, spec.trial
 
 
 @contextmanager

@@ -70,7 +70,7 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
             }
         )
     table = pd.DataFrame(rows, columns=list(TRIAL_COLUMNS)).astype({"training_seed": "Int64", "size": float})
-    return table.sort_values(KEYS, kind="stable", ignore_index=True)
+    return table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first")
 
 
 def write_trials(store: Store) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""How fast is the clairvoyant with wider beams and other expectations of the path still needed?
+"""Sweep the clairvoyant's beam and its expectation of the path still needed.
 
     python docs/studies/clairvoyant_beam.py [--store FOLDER]
 

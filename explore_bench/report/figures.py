@@ -113,9 +113,10 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
 
 def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
     """An example of the simulation environment: the paper's size, half-way through the first such trial."""
-    for record in records:
+    competitors = {name: own for name, own in _groups(records, "table2", 20.0).items() if not entry_of(name).reference}
+    for record in (record for own in competitors.values() for record in own):
         spec = record.spec
-        if spec.scenario.size == 20.0 and spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1:
+        if spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1:
             figure, axes = plt.subplots(figsize=(6.6, 4.6))
             replay = store.replay(spec)
             draw_scene(axes, record, replay, len(replay.steps) // 2)

@@ -1,0 +1,139 @@
+"""Fill the computed parts of README.md and docs/*.md, so that no number in them is typed by hand.
+
+    python docs/fill.py [--check]
+
+A part stands between `<!-- begin NAME -->` and `<!-- end NAME -->`. With --check nothing is written and the exit code
+is 1 where a page is out of date.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from explore_bench.scenario import PAPER
+from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, STEP_COLUMNS
+
+ROOT = Path(__file__).parents[1]
+STUDIES = ROOT / "docs" / "studies"
+PAGES = ("README.md", *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "protocol", "records")))
+PAGES = (*PAGES, "docs/uncertainty-weight.md")
+CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
+
+
+def table2() -> str:
+    """Table 2 as `explore-bench report` wrote it."""
+    return (ROOT / "results" / "tables" / "table2.md").read_text(encoding="utf-8")
+
+
+def calibration_result() -> str:
+    """The settings of the last pass, best first."""
+    fine = pd.read_csv(STUDIES / "calibration-fine.csv")
+    return _markdown(fine[[*CONSTANTS, "worlds", "rms"]].round(3))
+
+
+def calibration_coarse() -> str:
+    """The settings of the first two passes, best first."""
+    return _markdown(pd.read_csv(STUDIES / "calibration-coarse.csv")[[*CONSTANTS, "worlds", "rms"]].round(3))
+
+
+def calibration_fit() -> str:
+    """Ratio of our mean to the paper's value at the frozen constants, for each of the twelve numbers."""
+    fine = pd.read_csv(STUDIES / "calibration-fine.csv")
+    frozen = fine[(fine[CONSTANTS] == [getattr(PAPER, name) for name in CONSTANTS]).all(axis=1)].iloc[0]
+    cells: dict[str, dict[str, float]] = {}
+    for name, value in frozen.drop([*CONSTANTS, "worlds", "rms"]).items():
+        strategy, size, metric = str(name).split()
+        symbol = {"trajectory_error": "e", "exploration_efficiency": "η"}[metric]
+        cells.setdefault(strategy, {})[f"{symbol}, {size} m"] = round(math.exp(value), 2)
+    table = pd.DataFrame(cells).T
+    table.insert(0, "ours / paper", table.index)
+    return _markdown(table)
+
+
+def weight_sweep() -> str:
+    """Objective, e and η of every weight."""
+    sweep = pd.read_csv(STUDIES / "uncertainty-weight.csv").round(3)
+    interval = [f"[{low:.3f}, {high:.3f}]" for low, high in zip(sweep["low"], sweep["high"], strict=True)]
+    sweep.insert(2, "95 % interval", interval)
+    return _markdown(sweep.drop(columns=["low", "high"]).rename(columns={"weight": "w [m²/m]"}))
+
+
+def beam_sweep() -> str:
+    """Steps of every beam."""
+    sweep = pd.read_csv(STUDIES / "clairvoyant-beam.csv").round(1)
+    interval = [f"[{low:.1f}, {high:.1f}]" for low, high in zip(sweep["low"], sweep["high"], strict=True)]
+    return _markdown(sweep.drop(columns=["low", "high"]).assign(**{"95 % interval": interval}))
+
+
+def map_order() -> str:
+    """By how much the order of fusion matters."""
+    table = pd.read_csv(STUDIES / "virtual-map-order.csv")
+    return "\n".join(
+        f"- {row.size_m:g} m, {row.worlds} worlds: fused backwards in time, U is {row.mean:+.2%} "
+        f"[{row.low:+.2%}, {row.high:+.2%}] of U fused forwards, at most {row.largest:.2%} in any world."
+        for row in table.itertuples()
+    )
+
+
+def columns() -> str:
+    """Columns of a shard with type, unit and meaning."""
+    rows = (STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS).items()
+    table = [{"column": f"`{n}`", "type": c.dtype, "unit": c.unit, "meaning": c.meaning or "〃"} for n, c in rows]
+    return _markdown(pd.DataFrame(table))
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "table2": table2,
+    "calibration-result": calibration_result,
+    "calibration-coarse": calibration_coarse,
+    "calibration-fit": calibration_fit,
+    "weight-sweep": weight_sweep,
+    "beam-sweep": beam_sweep,
+    "map-order": map_order,
+    "columns": columns,
+}
+
+
+def filled(text: str) -> str:
+    """Return a page with all its parts computed anew."""
+
+    def part(match: re.Match[str]) -> str:
+        return f"{match[1]}\n{PARTS[match[2]]().strip()}\n{match[3]}"
+
+    return re.sub(r"(<!-- begin ([\w-]+) -->).*?(<!-- end \2 -->)", part, text, flags=re.DOTALL)
+
+
+def main() -> int:
+    """Fill or check every page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true")
+    check = parser.parse_args().check
+    stale = []
+    for page in PAGES:
+        path = ROOT / page
+        text = path.read_text(encoding="utf-8")
+        if filled(text) != text:
+            stale.append(page)
+            if not check:
+                path.write_text(filled(text), encoding="utf-8")
+    print(f"{'out of date' if check else 'filled'}: {', '.join(stale) or 'none'}")
+    return 1 if check and stale else 0
+
+
+def _markdown(table: pd.DataFrame) -> str:
+    lines = [[str(name) for name in table.columns], ["---"] * len(table.columns)]
+    lines += [
+        [f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in row] for row in table.to_numpy().tolist()
+    ]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
