@@ -16,8 +16,8 @@ import click
 from explore_bench.errors import RequestError
 
 if TYPE_CHECKING:
-    from explore_bench.runner import Outcome
     from explore_bench.scenario import Scenario
+    from explore_bench.spec import Outcome
     from explore_bench.suites import Plan
 
 DONE, NO, WRONG, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130

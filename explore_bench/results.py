@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,11 +14,8 @@ from explore_bench.errors import RequestError
 from explore_bench.metrics import METRICS, regret
 from explore_bench.records import Store, TrialRecord
 from explore_bench.registry import strategies
-from explore_bench.spec import TrialSpec
+from explore_bench.spec import Outcome, TrialSpec
 from explore_bench.statistics import mean_interval
-
-if TYPE_CHECKING:
-    from explore_bench.runner import Outcome
 
 FIRST_METRICS = ("path_length", "explored", "uncertainty_reduction", "exploration_efficiency", "trajectory_error")
 FURTHER_METRICS = tuple(name for name in METRICS if name not in (*FIRST_METRICS, "decisions"))

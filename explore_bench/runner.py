@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from explore_bench.errors import RequestError
 from explore_bench.records import Store, missing
-from explore_bench.spec import Status, TrialSpec
+from explore_bench.spec import Outcome, TrialSpec
 from explore_bench.strategy import make_strategy
 from explore_bench.trial import run_trial
 
@@ -36,18 +35,6 @@ THREAD_SETTINGS = (
     "NUMBA_NUM_THREADS",
     "TBB_NUM_THREADS",
 )
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a worker reports of a trial that it has stored; the times are not part of any record."""
-
-    spec: TrialSpec
-    status: Status
-    reason: str
-    steps: int
-    seconds: float
-    decision_seconds: tuple[float, ...]
 
 
 class IncompleteError(RuntimeError):

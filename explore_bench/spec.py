@@ -50,3 +50,15 @@ class TrialSpec:
     def generator(self, role: Role) -> np.random.Generator:
         """Return the trial's stream of a role."""
         return stream(self.purpose, self.root, self.scenario.size, self.trial, role)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a worker reports of a trial that it has stored; the times are not part of any record."""
+
+    spec: TrialSpec
+    status: Status
+    reason: str
+    steps: int
+    seconds: float
+    decision_seconds: tuple[float, ...]

@@ -1,0 +1,93 @@
+"""One trial to look at: pictures and animations, and what cannot be drawn."""
+
+import dataclasses
+import subprocess
+import sys
+
+import pytest
+from handmade import TINY, tiny_plan, write_plugin
+from PIL import Image
+
+from explore_bench.errors import RequestError
+from explore_bench.records import Store
+from explore_bench.report.demo import FRAMES_PER_SECOND, draw_trial
+from explore_bench.trial import run_trial
+
+SPEC = tiny_plan(["nearest"], trials=1)[0]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".gif"])
+def test_a_trial_is_drawn_and_its_record_returned(tmp_path, suffix):
+    path = tmp_path / "deep" / f"a{suffix}"
+    record = draw_trial(SPEC, path)
+    assert path.stat().st_size > 5000
+    assert record.status == "explored"
+    assert len(record.steps["step"]) == len(run_trial(SPEC).steps)
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def test_an_animation_has_a_frame_a_decision_and_a_second_of_the_end(tmp_path):
+    record = draw_trial(SPEC, tmp_path / "a.gif")
+    shown, frames = 0, set()
+    with Image.open(tmp_path / "a.gif") as image:
+        for index in range(image.n_frames):
+            image.seek(index)
+            shown += image.info["duration"]  # equal frames may have been joined
+            frames.add(image.convert("RGB").tobytes())
+    decisions = record.steps["decisions"][-1]
+    assert len(frames) == decisions + 1
+    assert shown == pytest.approx(1000 * (decisions + 1 + FRAMES_PER_SECOND) / FRAMES_PER_SECOND)
+
+
+def test_the_same_picture_has_the_same_bytes_in_this_process_and_another(tmp_path):
+    draw_trial(SPEC, tmp_path / "a.svg")
+    draw_trial(SPEC, tmp_path / "b.svg")
+    code = f"""
+from pathlib import Path
+from explore_bench.report.demo import draw_trial
+from explore_bench.scenario import Scenario
+from explore_bench.suites import plan
+scenario = Scenario(**{TINY.model_dump(exclude_unset=True)!r})
+draw_trial(plan("smoke", ["nearest"], trials=1, scenario=scenario).specs[0], Path({str(tmp_path / "c.svg")!r}))
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes() == (tmp_path / "c.svg").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["a.pdf", "a.jpg", "a", "a.PNG.txt"])
+def test_another_kind_of_file_is_refused_before_anything_runs(tmp_path, monkeypatch, name):
+    monkeypatch.setattr("explore_bench.report.demo.run_trial", lambda spec: pytest.fail("a trial was run for nothing"))
+    with pytest.raises(RequestError) as caught:
+        draw_trial(SPEC, tmp_path / name)
+    assert str(tmp_path / name) in str(caught.value)
+    assert all(suffix in str(caught.value) for suffix in (".gif", ".png", ".svg"))
+
+
+def test_a_trial_that_failed_on_the_way_is_drawn_up_to_there(tmp_path):
+    spec = tiny_plan([write_plugin(tmp_path, "raise LookupError('no map')")], trials=1)[0]
+    record = draw_trial(spec, tmp_path / "a.png")
+    assert record.status == "failed"
+    assert (tmp_path / "a.png").stat().st_size > 5000
+
+
+def test_a_trial_that_failed_before_any_decision_is_refused_with_its_reason(tmp_path):
+    file = tmp_path / "never.py"
+    file.write_text(
+        "class Never:\n    def reset(self, rng): raise LookupError('no map')\n    def choose(self, o): ...\n"
+    )
+    with pytest.raises(RequestError, match="no map"):
+        draw_trial(tiny_plan([f"{file}:Never"], trials=1)[0], tmp_path / "a.png")
+
+
+def test_the_trial_that_is_drawn_is_the_one_of_the_run(tmp_path, stored):
+    """Same streams, same rows: a picture of a stored trial is of that trial."""
+    record = draw_trial(SPEC, tmp_path / "a.svg")
+    kept = stored.store.find(SPEC)
+    assert record.spec == kept.spec
+    assert all((record.steps[name] == kept.steps[name]).all() for name in kept.steps)
+    assert isinstance(stored.store, Store)
+
+
+def test_a_trial_of_other_streams_can_be_drawn(tmp_path):
+    draw_trial(dataclasses.replace(SPEC, root=3, purpose="calibrate"), tmp_path / "a.png")
+    assert (tmp_path / "a.png").exists()

@@ -1,0 +1,276 @@
+"""Figures of real trials: which are drawn, what their lines show, and bytes that do not change."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import matplotlib
+import numpy as np
+import pytest
+from handmade import write_plugin
+from matplotlib.collections import EllipseCollection, PolyCollection
+from matplotlib.colors import to_hex
+
+from explore_bench.metrics import CURVES, curve
+from explore_bench.records import Store
+from explore_bench.registry import strategies
+from explore_bench.report import figures
+from explore_bench.report.figures import CURVE_FIGURES, write_figures
+from explore_bench.report.render import write_report
+from explore_bench.report.style import entry_of, save, styled
+from explore_bench.scenario import Scenario
+from explore_bench.suites import plan
+from explore_bench.trial import run_trial
+
+NAMES = ("random", "nearest", "clairvoyant")
+TRIALS = 2
+
+
+def filled(folder, names, scenario=None, trials=TRIALS, sizes=(20.0,)):
+    store = Store(folder)
+    store.open(0, "evaluate", scenario or Scenario())
+    for spec in plan("table2", names, sizes, trials, scenario=scenario).specs:
+        store.write(run_trial(spec))
+    return store
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """Return the records of three strategies in two worlds of 20 m."""
+    return filled(tmp_path_factory.mktemp("figures") / "results", NAMES)
+
+
+@pytest.fixture(scope="module")
+def records(store):
+    return store.records()[0]
+
+
+@pytest.fixture(scope="module")
+def written(store, records):
+    """Return the files of all figures."""
+    return write_figures(store, records, store.folder / "drawn")
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Draw figures without writing them; returns what the axes of each showed, by the name of its file."""
+    seen = {}
+
+    def look(figure, path):
+        if path.suffix == ".svg":
+            seen[path.stem] = [
+                SimpleNamespace(
+                    title=axes.get_title(),
+                    limits=(axes.get_xlim(), axes.get_ylim()),
+                    lines=[
+                        (to_hex(line.get_color()), line.get_linestyle(), line.get_label(), np.array(line.get_ydata()))
+                        for line in axes.get_lines()
+                    ],
+                    bands=[to_hex(c.get_facecolor()[0]) for c in axes.collections if type(c) is not EllipseCollection],
+                    ellipses=[c for c in axes.collections if isinstance(c, EllipseCollection)],
+                )
+                for axes in figure.axes
+            ]
+            seen[path.stem + " legend"] = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+    monkeypatch.setattr(figures, "save", look)
+
+    def draw(store, records=None):
+        seen.clear()
+        write_figures(store, store.records()[0] if records is None else records, store.folder / "figures")
+        return seen
+
+    return draw
+
+
+def names_of(files):
+    return sorted({file.stem for file in files})
+
+
+# Which figures are drawn
+
+
+def test_figures_are_drawn_for_tables_that_have_trials_of_their_strategies_only(written):
+    """Figure 13 would show strategies of Table 3 of which the paper's have no weights: no empty plot is drawn."""
+    assert names_of(written) == ["figure-06", "figure-10a", "figure-10b"]
+    [folder] = {file.parent for file in written}
+    assert {file.name for file in folder.iterdir()} == {f"{n}{s}" for n in names_of(written) for s in (".svg", ".png")}
+    assert all(file.stat().st_size > 5000 for file in written)
+
+
+def test_no_curve_figure_is_drawn_where_only_strategies_ran_that_the_paper_does_not_print(store, records, tmp_path):
+    own = [record for record in records if record.spec.strategy in ("nearest", "clairvoyant")]
+    assert names_of(write_figures(store, own, tmp_path)) == ["figure-06"]
+
+
+def test_without_trials_nothing_is_drawn(store, tmp_path):
+    assert write_figures(store, [], tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_plugin_is_drawn_alone_in_both_tables_figures(tmp_path, drawn):
+    shown = drawn(filled(tmp_path / "results", [write_plugin(tmp_path)], trials=1))
+    names = {"figure-06", "figure-10a", "figure-10b", "figure-13a", "figure-13b"}
+    assert {name for name in shown if "legend" not in name} == names
+
+
+def test_every_figure_of_the_paper_s_results_has_its_table_and_size():
+    assert CURVE_FIGURES == {
+        "figure-10": ("table2", 20.0),
+        "figure-11": ("table2", 40.0),
+        "figure-13": ("table3", 20.0),
+        "figure-14": ("table3", 30.0),
+        "figure-15": ("table3", 40.0),
+    }
+
+
+# Curves
+
+
+def test_a_line_per_strategy_in_its_registered_colour_and_a_band_of_the_same(store, drawn):
+    panels = drawn(store)["figure-10b"][:3]
+    assert [panel.title for panel in panels] == [title for title, _ in CURVES.values()]
+    for panel in panels:
+        shown = {label: (color, style) for color, style, label, _ in panel.lines}
+        assert shown == {
+            "Random": (strategies()["random"].color, "-"),
+            "Nearest": (strategies()["nearest"].color, "-"),
+            "Clairvoyant (reference)": (strategies()["clairvoyant"].color, "--"),
+        }
+        assert sorted(panel.bands) == sorted(strategies()[name].color for name in NAMES)
+
+
+def test_the_lines_are_the_means_over_worlds_of_the_curves(store, records, drawn):
+    panels = drawn(store)["figure-10b"][:3]
+    for name, panel in zip(CURVES, panels, strict=True):
+        for _, _, label, values in panel.lines:
+            own = [r for r in records if entry_of(r.spec.strategy).label == label.removesuffix(" (reference)")]
+            expected = np.mean([curve(record, name, len(values)) for record in own], axis=0)
+            assert values == pytest.approx(expected, nan_ok=True)
+
+
+def test_the_numbers_still_running_are_drawn_below(store, records, drawn):
+    below = drawn(store)["figure-10b"][3]
+    ends = [r.steps["step"][-1] for r in records if r.spec.strategy == "nearest"]
+    [values] = [y for color, _, _, y in below.lines if color == strategies()["nearest"].color]
+    assert values[0] == TRIALS
+    assert values[min(ends)] == TRIALS - 1
+    assert values[min(ends) - 1] == TRIALS
+
+
+def test_an_unfinished_trial_is_still_running_until_the_step_limit(store, records, drawn):
+    """Stopping early never pays: neither in the curves nor below them."""
+    broken = [dataclasses.replace(r, status="stuck") if r.spec.strategy == "random" else r for r in records]
+    panels = drawn(store, broken)["figure-10b"]
+    [values] = [y for color, _, _, y in panels[3].lines if color == strategies()["random"].color]
+    assert len(values) == 1 + records[0].spec.scenario.step_limit
+    assert (values[:-1] == TRIALS).all()
+
+
+def test_strategies_without_trials_are_neither_drawn_nor_in_the_legend(store, drawn):
+    legend = drawn(store)["figure-10b legend"]
+    assert sorted(legend) == ["Clairvoyant (reference)", "Nearest", "Random"]
+
+
+def test_a_trial_that_failed_before_its_first_row_does_not_stop_the_figures(tmp_path, drawn):
+    file = tmp_path / "never.py"
+    file.write_text(
+        "class Never:\n    def reset(self, rng): raise LookupError('no')\n    def choose(self, o): return 0\n"
+    )
+    store = filled(tmp_path / "results", ["random", f"{file}:Never"], trials=1)
+    shown = drawn(store)
+    assert "Never" in shown["figure-10b legend"]
+    assert len(shown["figure-10a"]) == 1, "it has no example to show"
+
+
+def test_trials_that_take_a_few_steps_only_can_be_drawn(tmp_path, drawn):
+    """With a sensor that sees nearly all of the map at once."""
+    store = filled(tmp_path / "results", ["random"], Scenario(size=20.0, sensor_range=12.0))
+    assert max(record.steps["step"][-1] for record in store.records()[0]) < 60
+    assert "figure-10b" in drawn(store)
+
+
+def test_trials_that_take_fewer_than_eight_steps_can_be_drawn(tmp_path, drawn):
+    store = filled(tmp_path / "results", ["random"], Scenario(size=20.0, sensor_range=14.0, coverage=0.7))
+    assert max(record.steps["step"][-1] for record in store.records()[0]) < 7
+    assert "figure-10b" in drawn(store)
+
+
+# Examples in the manner of Figure 6
+
+
+def test_there_is_one_example_per_strategy_all_on_the_same_world(store, records, drawn):
+    panels = [panel for panel in drawn(store)["figure-10a"] if panel.title]
+    assert [panel.title.split(":")[0] for panel in panels] == ["Random", "Nearest", "Clairvoyant (reference)"]
+    for panel, name in zip(panels, NAMES, strict=True):
+        [own] = [r for r in records if r.spec.strategy == name and r.spec.trial == 0]
+        assert f"explored after {own.steps['step'][-1]} steps" in panel.title
+        assert panel.limits == ((0.0, 20.0), (0.0, 20.0))
+
+
+def test_an_example_shows_true_and_estimated_trajectories_landmarks_and_ellipses(store, records, drawn):
+    panel = drawn(store)["figure-06"][0]
+    lengths = [len(y) for _, _, _, y in panel.lines]
+    record = next(r for r in records if r.spec.trial == 0)
+    assert max(lengths) > 10
+    assert lengths.count(max(lengths)) == 2, "the true and the estimated trajectory"
+    assert len(record.world.landmarks) in lengths
+    assert len(panel.ellipses) == 2, "virtual landmarks and poses"
+
+
+def test_the_legend_of_an_example_names_what_figure_6_shows(store, drawn):
+    legend = " ".join(drawn(store)["figure-06 legend"])
+    for words in ("unknown", "obstacle", "sensor range", "virtual landmark", "true trajectory", "estimated trajectory"):
+        assert words in legend
+    for words in ("true landmark", "estimated landmark", "candidate", "chosen"):
+        assert words in legend
+
+
+# Bytes
+
+
+def test_a_report_written_twice_has_the_same_bytes(store, written):
+    contents = []
+    for _ in range(2):
+        report = write_report(store.folder)
+        contents.append({file: file.read_bytes() for file in report.files})
+        assert (report.trials, report.stale) == (len(NAMES) * TRIALS, 0)
+    assert contents[0] == contents[1]
+    for file in written:
+        assert contents[0][store.folder / "figures" / file.name] == file.read_bytes(), file.name
+
+
+def test_figures_do_not_depend_on_the_order_of_the_records(store, records, drawn):
+    """It follows digests, which any edit of the code turns over."""
+    shown = [
+        {name: [panel.title for panel in panels] for name, panels in draw.items() if "legend" not in name}
+        for draw in (dict(drawn(store, records)), dict(drawn(store, records[::-1])))
+    ]
+    assert shown[0] == shown[1]
+
+
+def test_an_svg_holds_no_date_and_no_font_but_paths(written):
+    for file in written:
+        if file.suffix == ".svg":
+            text = file.read_text()
+            assert "<dc:date>" not in text
+            assert "<text" not in text
+
+
+def test_styles_and_figures_do_not_leak(store, drawn):
+    before = dict(matplotlib.rcParams)
+    assert drawn(store)
+    assert dict(matplotlib.rcParams) == before
+    assert matplotlib.pyplot.get_fignums() == []
+
+
+def test_bands_are_intervals_around_the_mean(tmp_path):
+    """Two worlds with the values 0 and 1: the band spans from one to the other."""
+    with styled():
+        figure, axes = matplotlib.pyplot.subplots()
+        figures._band(axes, np.arange(3), np.array([[0.0] * 3, [1.0] * 3]), "nearest", 0)
+        [band] = [c for c in axes.collections if isinstance(c, PolyCollection)]
+        heights = band.get_paths()[0].vertices[:, 1]
+        assert (heights.min(), heights.max()) == (0.0, 1.0)
+        assert axes.get_lines()[0].get_ydata() == pytest.approx([0.5] * 3)
+        save(figure, tmp_path / "deep" / "band.svg")
+    assert (tmp_path / "deep" / "band.svg").exists()
