@@ -97,7 +97,7 @@ def _plan(
     steps_per_cell: float,
 ) -> int:
     """Beam search to the end of the exploration; returns the first choice of the fastest plan."""
-    n, cell_size, reach = grid
+    n = grid[0]
     cells, choices = n * n, counts[0] + counts[1] * landmarks.shape[0]
     room = beam * max(choices, 1) + first_starts.shape[0]
     # plans of this depth: what they know, where they are, how long they took, and with what they began
@@ -126,25 +126,12 @@ def _plan(
                 frontier = frontier_cells(knowns[b].reshape(n, n), free, free, places[b])
                 goals = _select(frontier, places[b], landmarks[seens[b]], grid, counts)
             for goal in goals:
-                path = (
-                    first_paths[first_starts[goal] : first_starts[goal + 1]] if depth == 0 else trace(parents[b], goal)
-                )
+                path = _path_to(goal, depth, first_paths, first_starts, parents[b])
                 stamp += 1
-                time, total = times[b], totals[b]
-                direction = headings[b]
-                code = np.uint64(path[-1])
-                for k in range(path.shape[0]):
-                    if k > 0:
-                        elapsed, direction = _drive(path[k - 1], path[k], direction, n, cell_size, motion)
-                        time += elapsed
-                    for cell in view[path[k]]:
-                        if cell < 0:
-                            break
-                        if not knowns[b, cell] and mark[cell] != stamp:
-                            mark[cell] = stamp
-                            total += 1
-                    if total >= target:
-                        break
+                time, total = _look_ahead(
+                    path, knowns[b], headings[b], totals[b], target, view, mark, stamp, grid, motion
+                )
+                time += times[b]
                 first = goal if depth == 0 else firsts[b]
                 if total >= target:
                     if time < best_time:
@@ -152,6 +139,7 @@ def _plan(
                     continue
                 if total == totals[b] or time >= best_time:
                     continue
+                code = _mix(np.uint64(path[-1]))
                 for cell in range(cells):
                     if knowns[b, cell] or mark[cell] == stamp:
                         code ^= _mix(np.uint64(cell + cells))
@@ -172,19 +160,9 @@ def _plan(
             if np.any(hashes[:alive] == child_hash[c]):
                 continue
             b, goal = child_from[c], child_goal[c]
-            path = first_paths[first_starts[goal] : first_starts[goal + 1]] if depth == 0 else trace(parents[b], goal)
+            path = _path_to(goal, depth, first_paths, first_starts, parents[b])
             next_knowns[alive], next_seens[alive] = knowns[b], seens[b]
-            direction = headings[b]
-            for k in range(path.shape[0]):
-                if k > 0:
-                    _, direction = _drive(path[k - 1], path[k], direction, n, cell_size, motion)
-                for cell in view[path[k]]:
-                    if cell >= 0:
-                        next_knowns[alive, cell] = True
-                x, y = (path[k] % n + 0.5) * cell_size, (path[k] // n + 0.5) * cell_size
-                for m in range(landmarks.shape[0]):
-                    if math.hypot(landmarks[m, 0] - x, landmarks[m, 1] - y) <= reach:
-                        next_seens[alive, m] = True
+            direction = _reveal(path, headings[b], next_knowns[alive], next_seens[alive], view, landmarks, grid, motion)
             next_places[alive], next_headings[alive] = path[-1], direction
             next_times[alive], next_firsts[alive] = child_time[c], child_first[c]
             next_totals[alive] = next_knowns[alive].sum()
@@ -194,6 +172,79 @@ def _plan(
         times, totals, firsts = next_times, next_totals, next_firsts
         depth += 1
     return best_first
+
+
+@jit
+def _path_to(
+    goal: int,
+    depth: int,
+    first_paths: NDArray[np.int64],
+    first_starts: NDArray[np.int64],
+    parent: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Cells of a plan's next path: one of the observation's at depth 0, else traced back in a search."""
+    if depth == 0:
+        return first_paths[first_starts[goal] : first_starts[goal + 1]].copy()
+    return trace(parent, goal)
+
+
+@jit
+def _look_ahead(
+    path: NDArray[np.int64],
+    known: NDArray[np.bool_],
+    heading: float,
+    total: int,
+    target: int,
+    view: NDArray[np.int64],
+    mark: NDArray[np.int64],
+    stamp: int,
+    grid: tuple[int, float, float],
+    motion: tuple[float, float],
+) -> tuple[float, int]:
+    """Steps along a path until its end or until `target` cells are known, and the number known then.
+
+    Cells that become known are marked with the stamp.
+    """
+    steps = 0.0
+    for k in range(path.shape[0]):
+        if k > 0:
+            elapsed, heading = _drive(path[k - 1], path[k], heading, grid[0], grid[1], motion)
+            steps += elapsed
+        for cell in view[path[k]]:
+            if cell < 0:
+                break
+            if not known[cell] and mark[cell] != stamp:
+                mark[cell] = stamp
+                total += 1
+        if total >= target:
+            break
+    return steps, total
+
+
+@jit
+def _reveal(
+    path: NDArray[np.int64],
+    heading: float,
+    known: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    view: NDArray[np.int64],
+    landmarks: Array,
+    grid: tuple[int, float, float],
+    motion: tuple[float, float],
+) -> float:
+    """Add to `known` and `seen` what a path reveals; returns the heading at its end."""
+    n, cell_size, reach = grid
+    for k in range(path.shape[0]):
+        if k > 0:
+            _, heading = _drive(path[k - 1], path[k], heading, n, cell_size, motion)
+        for cell in view[path[k]]:
+            if cell >= 0:
+                known[cell] = True
+        x, y = (path[k] % n + 0.5) * cell_size, (path[k] // n + 0.5) * cell_size
+        for m in range(landmarks.shape[0]):
+            if math.hypot(landmarks[m, 0] - x, landmarks[m, 1] - y) <= reach:
+                seen[m] = True
+    return heading
 
 
 @jit

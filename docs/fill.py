@@ -9,6 +9,7 @@ is 1 where a page is out of date.
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import re
 import sys
@@ -17,12 +18,16 @@ from pathlib import Path
 
 import pandas as pd
 
+from explore_bench.perf import Part, Perf, text
 from explore_bench.scenario import PAPER
 from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, STEP_COLUMNS
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
-PAGES = ("README.md", *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "protocol", "records")))
+PAGES = (
+    "README.md",
+    *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "performance", "protocol", "records")),
+)
 PAGES = (*PAGES, "docs/uncertainty-weight.md")
 CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
 
@@ -89,6 +94,13 @@ def columns() -> str:
     return _markdown(pd.DataFrame(table))
 
 
+def performance() -> str:
+    """What `explore-bench perf` printed."""
+    values = json.loads((STUDIES / "perf.json").read_text(encoding="utf-8"))
+    perf = Perf(**{**values, "parts": [Part(**part) for part in values["parts"]]})
+    return f"```\n{text(perf)}\n```"
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "table2": table2,
     "calibration-result": calibration_result,
@@ -98,16 +110,17 @@ PARTS: dict[str, Callable[[], str]] = {
     "beam-sweep": beam_sweep,
     "map-order": map_order,
     "columns": columns,
+    "perf": performance,
 }
 
 
-def filled(text: str) -> str:
+def filled(page: str) -> str:
     """Return a page with all its parts computed anew."""
 
     def part(match: re.Match[str]) -> str:
         return f"{match[1]}\n{PARTS[match[2]]().strip()}\n{match[3]}"
 
-    return re.sub(r"(<!-- begin ([\w-]+) -->).*?(<!-- end \2 -->)", part, text, flags=re.DOTALL)
+    return re.sub(r"(<!-- begin ([\w-]+) -->).*?(<!-- end \2 -->)", part, page, flags=re.DOTALL)
 
 
 def main() -> int:
@@ -118,11 +131,12 @@ def main() -> int:
     stale = []
     for page in PAGES:
         path = ROOT / page
-        text = path.read_text(encoding="utf-8")
-        if filled(text) != text:
+        before = path.read_text(encoding="utf-8")
+        after = filled(before)
+        if after != before:
             stale.append(page)
             if not check:
-                path.write_text(filled(text), encoding="utf-8")
+                path.write_text(after, encoding="utf-8")
     print(f"{'out of date' if check else 'filled'}: {', '.join(stale) or 'none'}")
     return 1 if check and stale else 0
 

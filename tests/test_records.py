@@ -111,7 +111,7 @@ def test_a_specification_with_unusual_fields_comes_back_exactly(store):
         "baselines.clairvoyant:Clairvoyant",
         scenario,
         3,
-        {"beam": 2, "steps_per_cell": 1 / 3},
+        {"beam": 2, "metres_per_cell": 1 / 3},
         True,
         "other",
         root=0,

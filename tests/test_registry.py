@@ -10,7 +10,7 @@ from explore_bench import registry
 from explore_bench.errors import RequestError, unknown
 from explore_bench.registry import GROUP, PLUGIN_COLORS, lookup, plugin_entry, strategies
 from explore_bench.runner import check_runnable
-from explore_bench.strategy import Entry, make_strategy, parse_factory
+from explore_bench.strategy import Entry, describe, make_strategy, parse_factory
 from explore_bench.suites import plan
 
 
@@ -183,6 +183,20 @@ def test_parameters_that_a_factory_refuses_are_named(tmp_path):
     sentence = message(make_strategy, factory, {"weight": 0.5})
     assert factory in sentence
     assert "weight=0.5" in sentence
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (LookupError("no map"), "LookupError: no map"),
+        (LookupError("no map\nsecond line"), "LookupError: no map"),
+        (LookupError(), "LookupError"),
+        (RuntimeError("\nIndeterminate linear system\nin x1"), "RuntimeError: Indeterminate linear system"),
+    ],
+)
+def test_an_exception_is_described_in_one_line_that_says_something(error, text):
+    """The messages of gtsam begin with an empty line."""
+    assert describe(error) == text
 
 
 # Entry points of others
