@@ -3,8 +3,10 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 
 import pandas as pd
 import pytest
@@ -426,6 +428,37 @@ def test_an_interrupted_run_says_so_and_keeps_what_is_done(call, smoke, tmp_path
     assert list(table["status"]) == ["explored"]
     _, out, _ = call(*smoke, "-s", strategy, "--trials", 3, "--dry-run")
     assert "3 trials, 1 stored, 2 to do" in out
+
+
+def test_ctrl_c_on_a_terminal_reaches_all_workers_and_ends_the_run_quietly(tmp_path, tiny):
+    """The terminal sends SIGINT to the whole group of processes, the workers among them."""
+    lines = "import time; time.sleep(0.05)\nreturn int(observation.path_lengths.argmin())"
+    arguments = ["run", "smoke", "--scenario", str(tiny), "--results", str(tmp_path / "results"), "--workers", "2"]
+    arguments += ["-s", write_plugin(tmp_path, lines), "--trials", "500"]
+    code = f"from explore_bench.cli import main; main({arguments!r})"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        wait_for(lambda: len(list((tmp_path / "results").glob("runs/*.parquet"))) > 3 or process.poll() is not None)
+        os.killpg(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert "interrupted" in err.splitlines()[-1]
+    stored = len(list((tmp_path / "results").glob("runs/*.parquet")))
+    assert len(pd.read_csv(tmp_path / "results" / "trials.csv")) in (stored - 2, stored - 1, stored)
+    assert not list((tmp_path / "results" / "runs").glob(".*"))
+
+
+def wait_for(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def test_a_worker_that_dies_makes_the_run_incomplete(call, tiny, tmp_path):

@@ -11,7 +11,7 @@ import explore_bench
 from explore_bench import runner
 from explore_bench.errors import RequestError
 from explore_bench.records import Store, missing
-from explore_bench.runner import THREAD_SETTINGS, IncompleteError, complete, default_workers, execute
+from explore_bench.runner import IncompleteError, complete, default_workers, execute
 from explore_bench.spec import Status
 from explore_bench.suites import plan
 
@@ -115,6 +115,7 @@ def test_the_default_is_a_worker_a_processor():
 # Workers
 
 
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 SPY = """
 import json, os, pathlib
 import numba
@@ -128,7 +129,7 @@ def test_workers_are_other_processes_with_one_thread_each(store, tmp_path):
     factory = write_plugin(
         tmp_path,
         f"note({str(tmp_path)!r})\nreturn int(observation.path_lengths.argmin())",
-        head=SPY % (THREAD_SETTINGS,),
+        head=SPY % (THREADS,),
     )
     before = dict(os.environ)
     outcomes = list(execute(tiny_plan([factory], trials=4), store, 2))
@@ -138,7 +139,7 @@ def test_workers_are_other_processes_with_one_thread_each(store, tmp_path):
     for values in notes:
         assert values.pop("pid") != os.getpid()
         assert values.pop("numba") == 1
-        assert values == dict.fromkeys(THREAD_SETTINGS, "1")
+        assert values == dict.fromkeys(THREADS, "1")
     assert dict(os.environ) == before, "the environment of the caller is left as it was"
 
 
@@ -335,11 +336,3 @@ def test_a_renamed_strategy_has_rows_under_its_new_name(store):
     renamed = tiny_plan(["baselines.nearest:Nearest"], trials=2)
     table = complete(list(missing(store, renamed)), store, 1, "sequential")
     assert sorted(set(table["strategy"])) in (["Nearest"], ["Nearest", "nearest"])
-
-
-# Two tables of one folder
-
-
-def test_the_runner_is_the_only_importer_of_joblib_that_a_request_needs():
-    """A request that is refused never waits for it; see test_imports for the rule itself."""
-    assert runner.BACKENDS == ("loky", "sequential")

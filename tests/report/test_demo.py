@@ -9,7 +9,6 @@ from handmade import TINY, tiny_plan, write_plugin
 from PIL import Image
 
 from explore_bench.errors import RequestError
-from explore_bench.records import Store
 from explore_bench.report.demo import FRAMES_PER_SECOND, draw_trial
 from explore_bench.trial import run_trial
 
@@ -85,7 +84,6 @@ def test_the_trial_that_is_drawn_is_the_one_of_the_run(tmp_path, stored):
     kept = stored.store.find(SPEC)
     assert record.spec == kept.spec
     assert all((record.steps[name] == kept.steps[name]).all() for name in kept.steps)
-    assert isinstance(stored.store, Store)
 
 
 def test_a_trial_of_other_streams_can_be_drawn(tmp_path):
