@@ -138,8 +138,8 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def by_world(table: pd.DataFrame, metric: str) -> dict[int, float]:
-    """Values of a metric by world, training seeds averaged within a world."""
-    return {int(trial): float(value) for trial, value in table.groupby("trial")[metric].mean().items()}
+    """Values of a metric by world, training seeds averaged within a world; NaN where one of them is."""
+    return {int(trial): float(np.mean(own.to_numpy())) for trial, own in table.groupby("trial")[metric]}
 
 
 def summary_table(trials: pd.DataFrame) -> pd.DataFrame:

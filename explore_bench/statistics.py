@@ -69,6 +69,11 @@ def mean_interval(values: np.ndarray, seed: int = 0) -> Estimate:
 
 
 def paired_difference(a: dict[int, float], b: dict[int, float], seed: int = 0) -> Estimate:
-    """Mean of a − b over the worlds that both have, with its interval; keys are worlds."""
+    """Mean of a − b over the worlds that both have, with its interval; keys are worlds.
+
+    Raises
+    ------
+    ValueError : when a value of such a world is not finite.
+    """
     worlds = sorted(a.keys() & b.keys())
     return mean_interval(np.array([a[world] - b[world] for world in worlds]), seed)
