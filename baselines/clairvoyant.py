@@ -70,11 +70,10 @@ class Clairvoyant:
 def views(scenario: Scenario) -> NDArray[np.int64]:
     """Cells in range of each cell's centre, shape (n², V), filled up with −1."""
     points = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
-    inside = ((points[:, None] - points) ** 2).sum(axis=2) <= scenario.sensor_range**2
-    result = np.full((scenario.cell_count, int(inside.sum(axis=1).max())), -1, dtype=np.int64)
-    for cell, row in enumerate(inside):
-        found = np.flatnonzero(row)
-        result[cell, : len(found)] = found
+    found = [np.flatnonzero(((points - point) ** 2).sum(axis=1) <= scenario.sensor_range**2) for point in points]
+    result = np.full((scenario.cell_count, max(map(len, found))), -1, dtype=np.int64)
+    for cell, inside in enumerate(found):
+        result[cell, : len(inside)] = inside
     return result
 
 
@@ -98,7 +97,8 @@ def _plan(
 ) -> int:
     """Beam search to the end of the exploration; returns the first choice of the fastest plan."""
     n = grid[0]
-    cells, choices = n * n, counts[0] + counts[1] * landmarks.shape[0]
+    cells = n * n
+    choices = min(counts[0] + counts[1] * landmarks.shape[0], cells)
     room = beam * max(choices, 1) + first_starts.shape[0]
     # plans of this depth: what they know, where they are, how long they took, and with what they began
     knowns, seens = np.zeros((beam, cells), dtype=np.bool_), np.zeros((beam, seen.shape[0]), dtype=np.bool_)

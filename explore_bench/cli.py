@@ -6,6 +6,8 @@ or nothing was measured; 130 interrupted.
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from explore_bench.scenario import Scenario
     from explore_bench.spec import Outcome
     from explore_bench.suites import Plan
+
+MAX_WORLDS = 100_000
 
 DONE, NO, WRONG, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -34,8 +38,9 @@ results_option = click.option(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script: one line on stderr for whatever is wrong, and the exit code."""
     code = DONE
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        code = cli.main(args=arguments, prog_name="explore-bench", standalone_mode=False) or DONE
+        code = cli.main(args=arguments or ["--help"], prog_name="explore-bench", standalone_mode=False) or DONE
     except click.ClickException as error:
         code = _complain(error.format_message().replace("\n", " "))
     except RequestError as error:
@@ -98,7 +103,7 @@ def list_(what: str) -> None:
 @click.option("--trials", type=int, metavar="N", help="Worlds a size.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
 @click.option("--backend", type=click.Choice(["loky", "sequential"]), default="loky", show_default=True)
-@click.option("--timeout", type=click.FloatRange(0, min_open=True), default=600.0, show_default=True, metavar="S")
+@click.option("--timeout", type=click.FloatRange(0, 1e6, min_open=True), default=600.0, show_default=True, metavar="S")
 @click.option("--scenario", metavar="NAME|FILE.toml", help="Physical constants instead of the paper's.")
 @click.option("--seed", type=int, default=0, show_default=True, metavar="ROOT", help="Root seed; 0 is the benchmark's.")
 @results_option
@@ -119,12 +124,14 @@ def run(
     """Run what is missing of SUITE and write trials.csv; an interrupted run goes on where it stopped."""
     from explore_bench.suites import plan
 
+    if math.isnan(timeout):
+        raise RequestError("timeout is nan; give the seconds that one trial may take.")
     physics = None
     if scenario is not None:
         from explore_bench.scenario import load_scenario
 
         physics = load_scenario(scenario)
-    asked = plan(suite, names, sizes, trials, seed, physics, Path(scenario or "paper").stem)
+    asked = plan(suite, names, sizes, trials, seed, physics, Path(scenario or "paper").name)
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE
@@ -186,14 +193,21 @@ def report(results: Path) -> int:
 
 @cli.command()
 @click.argument("strategy")
-@click.option("--size", type=float, default=20.0, show_default=True, metavar="M", help="Edge of the map [m].")
-@click.option("--trial", type=click.IntRange(0), default=0, show_default=True, metavar="N", help="Number of the world.")
+@click.option("--size", type=float, metavar="M", help="Edge of the map [m] (default: the scenario's, or 20).")
+@click.option(
+    "--trial",
+    type=click.IntRange(0, MAX_WORLDS),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Number of the world.",
+)
 @click.option("--seed", type=int, default=0, show_default=True, metavar="ROOT", help="Root seed.")
 @click.option("--scenario", metavar="NAME|FILE.toml", help="Physical constants instead of the paper's.")
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="A .png, .svg or .gif.")
 @results_option
 def demo(
-    strategy: str, size: float, trial: int, seed: int, scenario: str | None, output: Path | None, results: Path
+    strategy: str, size: float | None, trial: int, seed: int, scenario: str | None, output: Path | None, results: Path
 ) -> int:
     """Run one trial of STRATEGY and draw it: a picture of its end, or (.gif) every decision."""
     from explore_bench.report.demo import draw_trial
@@ -201,10 +215,11 @@ def demo(
     from explore_bench.suites import plan
 
     physics = load_scenario(scenario) if scenario else None
-    asked = plan("smoke", [strategy], [size], trial + 1, seed, physics, Path(scenario or "paper").stem)
+    asked = plan("smoke", [strategy], [] if size is None else [size], 1, seed, physics, Path(scenario or "paper").name)
     if not asked.specs:
         raise RequestError(f"strategy '{strategy}' is not trained; choose one that 'explore-bench list' calls ready.")
-    spec = asked.specs[-1]
+    spec = dataclasses.replace(asked.specs[0], trial=trial)
+    size = spec.scenario.size
     path = output or results / f"demo-{spec.strategy}-{size:g}m-{trial}.gif"
     record = draw_trial(spec, path)
     steps = record.steps["step"][-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -26,7 +27,13 @@ def cache_folder() -> Path:
         source = file.read_bytes()
         if b"@jit" in source:
             digest.update(source)
-    return platformdirs.user_cache_path("explore-bench") / "numba" / digest.hexdigest()[:16]
+    name = digest.hexdigest()[:16]
+    folder = platformdirs.user_cache_path("explore-bench") / "numba" / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return Path(tempfile.gettempdir()) / f"explore-bench-numba-{name}"
+    return folder
 
 
 os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder()))

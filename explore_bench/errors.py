@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class RequestError(ValueError):
     """The request, or a file it names, is wrong: one sentence with the value and the fix (exit code 2)."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn whatever keeps a file from being written in the block (a full disk, a missing right) into a RequestError."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise RequestError(f"'{path}' cannot be written ({reason}); make room or give another place.") from None
 
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> RequestError:

@@ -54,6 +54,11 @@ def finished(record: TrialRecord) -> bool:
     return record.status == Status.EXPLORED.value
 
 
+def broken_off(record: TrialRecord) -> bool:
+    """Whether a trial failed or got stuck, so that what only adds up along the way says nothing about it."""
+    return record.status in (Status.FAILED.value, Status.STUCK.value)
+
+
 def score(record: TrialRecord) -> Score:
     """Score of a trial, by the rule for trials that did not explore where it did not."""
     scenario, steps = record.spec.scenario, record.steps
@@ -82,6 +87,12 @@ def uncertainty_reduction(record: TrialRecord) -> float:
     return record.spec.scenario.prior_uncertainty - score(record).uncertainty
 
 
+def explored(record: TrialRecord) -> float:
+    """Known share of the map at the end; 0 where there is no row."""
+    values = record.steps["explored"]
+    return float(values[-1]) if len(values) else 0.0
+
+
 def time_to(coverage: float) -> Callable[[TrialRecord], float]:
     """Metric of the first step with this share of the map known.
 
@@ -100,14 +111,13 @@ def time_to(coverage: float) -> Callable[[TrialRecord], float]:
 def absolute_trajectory_error(record: TrialRecord) -> float:
     """Root mean square distance of the final estimate of the trajectory from the truth.
 
-    No alignment: the start is known. A trial that failed has no final estimate; its running one stands in.
+    No alignment: the start is known. NaN for a trial that broke off.
     """
+    if broken_off(record):
+        return math.nan
     steps, final = record.steps, record.final
-    x, y = final["final_x"].astype(float), final["final_y"].astype(float)
-    missing = np.isnan(x)
-    x, y = np.where(missing, steps["x"], x), np.where(missing, steps["y"], y)
-    squared = (x - steps["true_x"]) ** 2 + (y - steps["true_y"]) ** 2
-    return float(np.sqrt(squared.mean())) if len(squared) else math.nan
+    squared = (final["final_x"] - steps["true_x"]) ** 2 + (final["final_y"] - steps["true_y"]) ** 2
+    return float(np.sqrt(squared.mean()))
 
 
 def pose_nees(record: TrialRecord) -> float:
@@ -116,7 +126,7 @@ def pose_nees(record: TrialRecord) -> float:
     Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation", 2001, §5.4.
     """
     s = record.steps
-    if not len(s["step"]):
+    if broken_off(record):
         return math.nan
     turn = (s["heading"] - s["true_heading"] + math.pi) % math.tau - math.pi
     error = np.stack((s["x"] - s["true_x"], s["y"] - s["true_y"], turn), axis=1)
@@ -127,11 +137,10 @@ def pose_nees(record: TrialRecord) -> float:
 
 
 def last(column: str) -> Callable[[TrialRecord], float]:
-    """Metric of a column's last value; NaN where there is no row."""
+    """Metric of a column's last value; NaN for a trial that broke off: a short way is no merit then."""
 
     def value(record: TrialRecord) -> float:
-        values = record.steps[column]
-        return float(values[-1]) if len(values) else math.nan
+        return math.nan if broken_off(record) else float(record.steps[column][-1])
 
     return value
 
@@ -142,7 +151,7 @@ METRICS: dict[str, Metric] = {
     "uncertainty_reduction": Metric("ΔU", "m²", "higher", "U₀ − U_T, U = Σ tr Σ_v (Eq. 1)", uncertainty_reduction),
     "path_length": Metric("L", "m", "lower", "Σ length of the straight commands", last("path_length")),
     "decisions": Metric("D", "1", None, "decisions made", last("decisions")),
-    "explored": Metric("c", "1", "higher", "known share of the map at the end", last("explored")),
+    "explored": Metric("c", "1", "higher", "known share of the map at the end", explored),
     "t50": Metric("T50", "step", "lower", "first step with 50 % of the map known", time_to(0.5)),
     "t80": Metric("T80", "step", "lower", "first step with 80 % of the map known", time_to(0.8)),
     "t90": Metric("T90", "step", "lower", "first step with 90 % of the map known", time_to(0.9)),
@@ -186,8 +195,7 @@ def curve(record: TrialRecord, name: str, length: int) -> Array:
     scenario, steps = record.spec.scenario, record.steps
     step = steps["step"].astype(float)
     if name == "explored":
-        values = steps["explored"]
-        end = float(values[-1]) if len(values) else 0.0
+        values, end = steps["explored"], explored(record)
     elif name == "trajectory_error":
         values = step / scenario.cell_count * np.sqrt(steps["peak_trace"])
         end = trajectory_error(record)
@@ -200,8 +208,6 @@ def curve(record: TrialRecord, name: str, length: int) -> Array:
     result = np.full(length, end)
     kept = min(len(values), length)
     result[:kept] = values[:kept]
-    if finished(record) and len(values) <= length and len(values):
-        result[len(values) - 1 :] = end
     if name != "explored" and length:
         result[0] = math.nan
     return result

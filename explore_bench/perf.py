@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import writing
 from explore_bench.registry import strategies
 from explore_bench.scenario import PAPER
 from explore_bench.spec import TrialSpec
@@ -26,7 +26,7 @@ LENGTHS = (100, 300, 1000)
 WINDOW = 0.2
 """A length stands for the steps within ± 10 % of it."""
 
-SHORT_STEPS = {20.0: 0.08, 40.0: 0.2}
+SHORT_STEPS = {20.0: 0.06, 40.0: 0.15}
 """Step length [m] that makes trajectories of more than 1100 steps on a map of this size."""
 
 TRIALS = 5
@@ -143,10 +143,8 @@ def write_json(perf: Perf, path: Path) -> None:
     ------
     RequestError : where the file cannot be written.
     """
-    try:
+    with writing(path):
         path.write_text(json.dumps(asdict(perf), indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise RequestError(f"'{path}' cannot be written ({error.strerror}); give another place.") from None
 
 
 class FreeChoice:

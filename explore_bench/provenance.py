@@ -40,15 +40,21 @@ def spec_values(spec: TrialSpec) -> dict[str, Any]:
 
 
 def trial_key(spec: TrialSpec) -> str:
-    """Twenty hexadecimal digits of everything that defines a trial's rows; names of strategies do not count."""
+    """Twenty hexadecimal digits of everything that defines a trial's rows; the name of the scenario does not count."""
     values = spec_values(spec)
-    del values["strategy"], values["scenario_name"]
+    del values["scenario_name"]
     place, _ = parse_factory(spec.factory)
     values["factory"] = Path(spec.factory).name
     values["code"] = code_digest(place)
     values["libraries"] = library_versions(place)
     values["schema"] = SCHEMA_VERSION
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:20]
+
+
+def forget_code() -> None:
+    """Read all code anew: it may have been edited since (in a notebook, say)."""
+    for function in (code_digest, library_versions, _modules, _file, _tree, _syntax):
+        function.cache_clear()
 
 
 @cache
@@ -107,12 +113,22 @@ def _follow(name: str, package: str, found: dict[str, Path]) -> None:
 
 @cache
 def _file(name: str) -> Path | None:
-    """Source file of a module; None for a name within a module, or where there is no source."""
+    """Source file of a module, found without importing it or its package; None where the name is no module."""
+    package, *rest = name.split(".")
     try:
-        spec = importlib.util.find_spec(name)
-    except (ImportError, AttributeError, ValueError):
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):
         return None
-    return Path(spec.origin) if spec and spec.origin and spec.origin.endswith(".py") else None
+    if spec is None:
+        return None
+    if not spec.submodule_search_locations:
+        return Path(spec.origin) if not rest and spec.origin and spec.origin.endswith(".py") else None
+    for folder in map(Path, spec.submodule_search_locations):
+        place = folder.joinpath(*rest)
+        for file in (place / "__init__.py", place.with_suffix(".py")):
+            if file.is_file():
+                return file
+    return None
 
 
 @cache
@@ -139,15 +155,14 @@ def _imports(path: Path, module: str) -> set[str]:
 
 @cache
 def _syntax(path: Path) -> bytes:
-    """Syntax tree of a file without docstrings and positions."""
+    """Syntax tree of a file without positions and without strings that stand alone: docstrings of all kinds."""
     tree = ast.parse(path.read_bytes())
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[0] if node.body else None
-            if (
-                isinstance(first, ast.Expr)
-                and isinstance(first.value, ast.Constant)
-                and isinstance(first.value.value, str)
-            ):
-                node.body = node.body[1:]
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [line for line in body if not _is_text(line)]  # type: ignore[attr-defined]
     return ast.dump(tree).encode()
+
+
+def _is_text(line: ast.stmt) -> bool:
+    return isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and isinstance(line.value.value, str)

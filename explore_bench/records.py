@@ -20,8 +20,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from explore_bench.errors import RequestError
-from explore_bench.provenance import spec_values, trial_key
+from explore_bench.errors import RequestError, writing
+from explore_bench.provenance import forget_code, spec_values, trial_key
 from explore_bench.scenario import PAPER, Scenario
 from explore_bench.simulator.world import World
 from explore_bench.spec import TrialSpec
@@ -40,9 +40,11 @@ class TrialRecord:
     Attributes
     ----------
     status, reason : how it ended, and why where that says not all.
+    spec : what defined it.
     steps : columns of STEP_COLUMNS by name, each of shape (T + 1,); empty where the trial failed at once.
+    final : columns of FINAL_COLUMNS likewise.
     world : the true map.
-    timed_out : whether it failed for want of time.
+    transient : whether it failed for want of time, memory or disk: such a trial runs again.
     """
 
     spec: TrialSpec
@@ -51,7 +53,7 @@ class TrialRecord:
     steps: dict[str, np.ndarray]
     final: dict[str, np.ndarray]
     world: World
-    timed_out: bool
+    transient: bool
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.runs = folder / "runs"
+        self.runs = folder.resolve() / "runs"  # whatever a strategy does to the working folder
 
     def exists(self) -> bool:
         """Whether the folder has been made ready before."""
@@ -92,6 +94,7 @@ class Store:
 
     def open(self, root: int, purpose: str, scenario: Scenario | None = PAPER) -> None:
         """Make the folder ready for trials of one root seed, purpose and scenario (None: of any), sizes aside."""
+        forget_code()
         protocol = {"schema": SCHEMA_VERSION, "root": root, "purpose": purpose, "scenario": _name(scenario)}
         try:
             self.runs.mkdir(parents=True, exist_ok=True)
@@ -138,16 +141,23 @@ class Store:
         """File of the shard with this key."""
         return self.runs / f"{key}.parquet"
 
-    def write(self, result: TrialResult) -> None:
-        """Write a trial's shard: whole or not at all."""
+    def write(self, result: TrialResult, key: str | None = None) -> None:
+        """Write a trial's shard, under the key that its code has now if none is given: whole or not at all.
+
+        Raises
+        ------
+        RequestError : where it cannot be written.
+        """
         sink = pa.BufferOutputStream()
         pq.write_table(_table(result), sink, compression="zstd", write_statistics=False)
-        _write_atomically(self.path(trial_key(result.spec)), sink.getvalue().to_pybytes())
+        path = self.path(key or trial_key(result.spec))
+        with writing(path):
+            _write_atomically(path, sink.getvalue().to_pybytes())
 
     def has(self, spec: TrialSpec) -> bool:
-        """Whether a trial is stored; one that ran out of time does not count."""
+        """Whether a trial is stored; one that failed for want of time, memory or disk does not count."""
         path = self.path(trial_key(spec))
-        return path.is_file() and not json.loads(_metadata(path))["timed_out"]
+        return path.is_file() and not json.loads(_metadata(path))["transient"]
 
     def read(self, path: Path) -> TrialRecord:
         """Read a shard.
@@ -175,7 +185,7 @@ class Store:
                 (world["start"][0], world["start"][1], world["start"][2]),
                 values["spec"]["scenario"]["cell_size"],
             ),
-            timed_out=values["timed_out"],
+            transient=values["transient"],
         )
 
     def find(self, spec: TrialSpec) -> TrialRecord:
@@ -205,19 +215,19 @@ class Store:
         found: list[TrialRecord] = []
         stale = 0
         for path in sorted(self.runs.glob("*.parquet")):
-            record = self.read(path)
-            if self._is_current(record.spec, path):
-                found.append(record)
+            if self._is_current(path):
+                found.append(self.read(path))
             else:
                 stale += 1
         found.sort(key=_order)
         return found, stale
 
-    def _is_current(self, spec: TrialSpec, path: Path) -> bool:
+    def _is_current(self, path: Path) -> bool:
+        values = json.loads(_metadata(path))["spec"]
         try:
-            return trial_key(spec) == path.stem
-        except (OSError, SyntaxError):
-            return False  # a plugin's file that is gone or broken
+            return trial_key(_spec_from(values)) == path.stem
+        except (OSError, SyntaxError, RequestError):
+            return False  # a plugin's file that is gone or broken, a constant that is no more
 
 
 def _table(result: TrialResult) -> pa.Table:
@@ -234,7 +244,7 @@ def _table(result: TrialResult) -> pa.Table:
         "spec": spec_values(result.spec),
         "status": result.status.value,
         "reason": result.reason,
-        "timed_out": result.timed_out,
+        "transient": result.transient,
         "world": {
             "obstacles": np.flatnonzero(result.world.obstacles).tolist(),
             "landmarks": result.world.landmarks.tolist(),
@@ -279,7 +289,7 @@ def _metadata(path: Path) -> bytes:
         metadata = pq.read_schema(path).metadata or {}
     if METADATA_KEY not in metadata:
         raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
-    version = json.loads(metadata[METADATA_KEY])["schema"]
+    version = json.loads(metadata[METADATA_KEY]).get("schema")
     if version != SCHEMA_VERSION:
         raise RequestError(
             f"'{path}' is of record version {version}, not {SCHEMA_VERSION}; give another folder with --results."

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, writing
 from explore_bench.metrics import METRICS, regret
 from explore_bench.records import Store, TrialRecord
 from explore_bench.registry import strategies
@@ -43,8 +43,21 @@ TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision
 def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     """One row a trial with the columns TRIAL_COLUMNS, ordered by strategy, training seed, size and trial.
 
-    Names of strategies are kept as they were when the trial ran; regret is to the first reference on the world.
+    Names of strategies are kept as they were when the trial ran; regret is to the reference on the world.
+
+    Raises
+    ------
+    RequestError : where two different strategies have the same name.
     """
+    makers: dict[str, tuple[str, dict[str, Any]]] = {}
+    for record in records:
+        spec = record.spec
+        made = spec.factory, dict(spec.parameters)
+        if makers.setdefault(spec.strategy, made) != made:
+            raise RequestError(
+                f"the name '{spec.strategy}' stands for {makers[spec.strategy][0]} and for {made[0]} in one folder; "
+                "rename one of them, or give each a folder with --results."
+            )
     references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
     rows = []
     for record in records:
@@ -73,7 +86,9 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
 def write_trials(store: Store) -> pd.DataFrame:
     """Write `trials.csv` from the current records of a folder and return its rows."""
     table = trial_table(store.records()[0])
-    table.to_csv(store.folder / "trials.csv", index=False, lineterminator="\n")
+    path = store.folder / "trials.csv"
+    with writing(path):
+        table.to_csv(path, index=False, lineterminator="\n")
     return table
 
 
@@ -106,7 +121,8 @@ def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
     table = pd.DataFrame(rows, columns=list(TIME_COLUMNS)).astype({"training_seed": "Int64"})
     if path.is_file():
         table = pd.concat((read_csv(path, TIME_COLUMNS), table)).drop_duplicates(KEYS, keep="last")
-    table.sort_values(KEYS).to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+    with writing(path):
+        table.sort_values(KEYS).to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
 
 
 def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, unknown
+from explore_bench.provenance import trial_key
 from explore_bench.records import Store, missing
 from explore_bench.spec import Outcome, TrialSpec
 from explore_bench.strategy import make_strategy
@@ -63,7 +65,7 @@ def execute(
         return
     longest_first = sorted(specs, key=lambda spec: (-spec.scenario.cell_count, spec.trial, spec.strategy))
     jobs = 1 if backend == "sequential" else min(workers, len(specs))
-    tasks = (joblib.delayed(_run_and_store)(spec, store, timeout) for spec in longest_first)
+    tasks = (joblib.delayed(_run_and_store)(spec, trial_key(spec), store, timeout) for spec in longest_first)
     with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
         if jobs > 1:
             warm_up(specs[0])
@@ -80,14 +82,14 @@ def execute(
             raise IncompleteError(
                 "a worker process died (killed, or out of memory); run the same command again"
             ) from None
-        except TimeoutError:
+        except (TimeoutError, multiprocessing.TimeoutError):
             raise IncompleteError(
                 f"a trial took longer than {timeout:g} s and could not be interrupted; mend its strategy"
             ) from None
 
 
 def warm_up(spec: TrialSpec) -> None:
-    """Compile and cache every kernel in this process, lest each worker compile its own."""
+    """Compile and cache the harness's kernels in this process, lest each worker compile its own."""
     tiny = spec.scenario.replace(size=spec.scenario.cell_size * 5, landmark_count=2, obstacle_count=1, coverage=1.0)
     run_trial(TrialSpec("warm-up", "explore_bench.runner:WarmUp", tiny, trial=0, purpose="calibrate"))
 
@@ -155,12 +157,17 @@ def run(
     IncompleteError : where the run ended early.
     """
     from explore_bench.results import select
-    from explore_bench.scenario import PAPER, load_scenario
+    from explore_bench.scenario import PAPER, Scenario, load_scenario
     from explore_bench.suites import plan
 
+    if backend not in BACKENDS:
+        raise unknown("backend", backend, BACKENDS)
+    if not isinstance(scenario, Scenario | str | None):
+        raise RequestError(f"scenario is {scenario!r}; give a Scenario, the name of one or a TOML file.")
+    strategies = [strategies] if isinstance(strategies, str) else strategies
     name = scenario if isinstance(scenario, str) else "paper" if scenario is None else "custom"
     physics = load_scenario(scenario) if isinstance(scenario, str) else scenario
-    asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).stem)
+    asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).name)
     check_runnable(asked.specs)
     store = Store(Path(results))
     store.open(seed, "evaluate", physics or PAPER)
@@ -186,15 +193,15 @@ def complete(
             if progress:
                 progress(outcome)
     finally:
-        write_times(store.folder, outcomes)
         table = write_trials(store)
+        write_times(store.folder, outcomes)
     return table
 
 
-def _run_and_store(spec: TrialSpec, store: Store, timeout: float) -> Outcome:
+def _run_and_store(spec: TrialSpec, key: str, store: Store, timeout: float) -> Outcome:
     begin = time.perf_counter()
     result = run_trial(spec, timeout)
-    store.write(result)
+    store.write(result, key)
     return Outcome(
         spec=spec,
         status=result.status,

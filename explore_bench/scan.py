@@ -16,7 +16,7 @@ class Scan:
 
     The look-up is a patch of the true grid. A point q of the robot's frame lies in it at
     `origin + R(heading) q`; SLAM places the robot's frame by its own estimate, so the scan reveals where things
-    are relative to the robot and nothing of where the robot is.
+    are relative to the robot. It never reaches a strategy: its origin and heading are true.
 
     Attributes
     ----------

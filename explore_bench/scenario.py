@@ -32,7 +32,7 @@ class Scenario(BaseModel):
     RequestError : for an unknown key or a value out of range.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     # Map (§4.1)
     size: Positive = Field(20.0, description="edge of the square map [m] (§4.1: 20, 30, 40)")
@@ -51,7 +51,9 @@ class Scenario(BaseModel):
 
     # Motion
     step_length: Positive = Field(0.7, description="longest straight step [m] (calibrated)")
-    turn_threshold_deg: Positive = Field(15.0, le=90, description="bearing error that asks for a turn [°] (ours)")
+    turn_threshold_deg: Annotated[float, Field(gt=0, le=90)] = Field(
+        15.0, description="bearing error that asks for a turn [°] (ours)"
+    )
     arrival_radius: Positive = Field(0.25, description="distance at which a waypoint is reached [m] (ours)")
     odometry_sigma: Positive = Field(0.1, description="noise along and across, a straight step [m] (calibrated)")
     turn_sigma: Positive = Field(0.001, description="the same of a turn in place [m]: a factor needs some (ours)")
@@ -150,8 +152,16 @@ class Scenario(BaseModel):
         return 2.0 * self.virtual_sigma**2 * self.cell_count
 
     def replace(self, /, **changes: Any) -> Scenario:
-        """Copy of the scenario with some constants changed, validated anew."""
-        return Scenario(**{**self.model_dump(exclude_unset=True), **changes})
+        """Copy of the scenario with some constants changed, validated anew.
+
+        A density takes the place of a count that was set before, and the other way round.
+        """
+        kept = self.model_dump(exclude_unset=True)
+        for kind in ("landmark", "obstacle"):
+            for given, other in (("density", "count"), ("count", "density")):
+                if f"{kind}_{given}" in changes:
+                    kept.pop(f"{kind}_{other}", None)
+        return Scenario(**{**kept, **changes})
 
 
 PAPER = Scenario()
@@ -203,6 +213,9 @@ def load_scenario(name_or_file: str) -> Scenario:
     base = values.pop("extends", "paper")
     if not isinstance(base, str) or base not in SCENARIOS:
         raise unknown(f"scenario file '{path}': extends", str(base), SCENARIOS)
+    for kind in ("landmark", "obstacle"):
+        if {f"{kind}_density", f"{kind}_count"} <= values.keys():
+            raise RequestError(f"scenario file '{path}' gives {kind}_density and {kind}_count; give one of them.")
     try:
         return SCENARIOS[base][0].replace(**values)
     except RequestError as error:

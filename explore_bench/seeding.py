@@ -6,6 +6,7 @@ levels, meet the same worlds and the same noise, so that their differences are p
 
 from __future__ import annotations
 
+import hashlib
 from typing import Literal, get_args
 
 import numpy as np
@@ -38,5 +39,7 @@ def stream(purpose: Purpose, root: int, size: float, trial: int, role: Role) -> 
         raise unknown("purpose", purpose, PURPOSES)
     if role not in ROLES:
         raise unknown("role", role, ROLES)
-    key = (PURPOSES.index(purpose), root, round(size * 1000), trial, ROLES.index(role))
+    key: list[int] = [PURPOSES.index(purpose), root, round(size * 1000), trial, ROLES.index(role)]
+    if role == "strategy":  # a generator shows its seed, and this key would lead a strategy to its world
+        key = [int.from_bytes(hashlib.sha256(repr(key).encode()).digest())]
     return np.random.Generator(np.random.PCG64DXSM(np.random.SeedSequence(key)))

@@ -43,7 +43,7 @@ class Step(NamedTuple):
     cov_yh: Annotated[float, Column("float64", "m rad", "")]
     cov_hh: Annotated[float, Column("float64", "rad²", "")]
     uncertainty: Annotated[float, Column("float64", "m²", "U of Eq. 1")]
-    peak_trace: Annotated[float, Column("float64", "m²", "largest tr Σ (3 × 3) of the trajectory, for Eq. 3")]
+    peak_trace: Annotated[float, Column("float64", "m² + rad²", "largest tr Σ (3 × 3) of the trajectory, for Eq. 3")]
     peak_position_trace: Annotated[float, Column("float64", "m²", "the same of the position block (2 × 2)")]
     explored: Annotated[float, Column("float64", "1", "known share of the map")]
     path_length: Annotated[float, Column("float64", "m", "length of the straight commands so far")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
+import json
 import re
 import sys
 from collections.abc import Mapping
@@ -113,6 +114,10 @@ class Entry:
             parse_factory(self.factory)
         if not re.fullmatch(r"#[0-9a-fA-F]{6}", self.color):
             raise ValueError(f"color '{self.color}' of '{self.label}' must read '#rrggbb'")
+        try:
+            json.dumps(dict(self.parameters))
+        except TypeError as error:
+            raise ValueError(f"parameters of '{self.label}' must be plain numbers, texts and lists ({error})") from None
 
 
 def parse_factory(factory: str) -> tuple[str, str]:
@@ -150,18 +155,23 @@ def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
 
 
 def describe(error: BaseException) -> str:
-    """Return an exception as one line: its type and its first line."""
-    lines = str(error).splitlines()
+    """Return an exception as one line: its type and its first line that is not empty."""
+    try:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    except Exception:
+        lines = []
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
 
 
 def _load_file(path: Path) -> ModuleType:
-    name = "explore_bench_plugin_" + hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    digest = hashlib.sha256(str(path.resolve()).encode() + path.read_bytes())  # an edited file is another module
+    name = f"explore_bench_plugin_{digest.hexdigest()[:12]}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
+    assert spec is not None and spec.loader is not None  # it ends in .py
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:

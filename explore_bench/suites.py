@@ -13,6 +13,7 @@ from explore_bench.spec import TrialSpec
 from explore_bench.strategy import Entry
 
 MAX_ROOT = 2**32 - 1
+MAX_TRIALS = 100_000
 
 
 @dataclass(frozen=True)
@@ -89,13 +90,14 @@ def plan(
         raise unknown("suite", suite, SUITES)
     chosen = SUITES[suite]
     count = chosen.trials if trials is None else trials
-    if count < 1:
-        raise RequestError(f"trials is {count}; ask for at least 1.")
+    if not isinstance(count, int) or not 1 <= count <= MAX_TRIALS:
+        raise RequestError(f"trials is {count}; ask for a whole number from 1 to {MAX_TRIALS}.")
     if not 0 <= root <= MAX_ROOT:
         raise RequestError(f"seed is {root}; give a root seed from 0 to {MAX_ROOT}.")
     base = scenario or PAPER
     if not sizes and scenario is not None and "size" in scenario.model_fields_set:
         sizes = (scenario.size,)
+    sizes = tuple(dict.fromkeys(sizes))
     picked = [lookup(name) for name in dict.fromkeys(names)] or list(strategies().items())
     if len({name for name, _ in picked}) < len(picked):
         raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory.")

@@ -134,7 +134,7 @@ class TrialResult:
     final_poses, final_covariances : trajectory and its position covariances (xx, xy, yy) as estimated at the end,
         shapes (N, 3); N = 0 for a trial that failed.
     decision_seconds : time the strategy took for each choice.
-    timed_out : whether it failed for want of time.
+    transient : whether it failed for want of time, memory or disk, and is worth another try.
     """
 
     spec: TrialSpec
@@ -147,7 +147,7 @@ class TrialResult:
     final_covariances: Array
     decision_seconds: list[float]
     seconds: float
-    timed_out: bool = False
+    transient: bool = False
 
 
 def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) -> TrialResult:
@@ -162,7 +162,7 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     snapshots: dict[int, Snapshot] = {}
     seconds: list[float] = []
     final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
-    status, reason, timed_out = Status.FAILED, "", False
+    status, reason, transient = Status.FAILED, "", False
     try:
         with _time_limit(timeout):
             strategy = make_strategy(spec.factory, spec.parameters)
@@ -177,14 +177,19 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
             final_poses = ending.belief.poses
             final_covariances = ending.belief.pose_covariances[:, [0, 0, 1], [0, 1, 1]]
     except OutOfTime:
-        timed_out = True
+        transient = True
         reason = f"took longer than the {timeout:g} s allowed"
     except ChoiceError as error:
         reason = str(error)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except (MemoryError, OSError) as error:
+        transient = True
+        reason = describe(error)
+    except BaseException as error:
         reason = describe(error)
     if status is Status.FAILED:
-        reason += f" (at decision {len(seconds)})" if seconds else " (before the first decision)"
+        reason += f" (at decision {len(seconds) - 1})" if seconds else " (before the first decision)"
     return TrialResult(
         spec=spec,
         world=world,
@@ -196,7 +201,7 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
         final_covariances=final_covariances,
         decision_seconds=seconds,
         seconds=time.perf_counter() - begin,
-        timed_out=timed_out,
+        transient=transient,
     )
 
 

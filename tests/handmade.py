@@ -65,7 +65,7 @@ def record(status="explored", scenario=TINY, strategy="nearest", trial=0, final=
     n = scenario.cells
     world = World(np.zeros((n, n), dtype=bool), np.zeros((0, 2)), (1.0, 1.0, float(trial)), scenario.cell_size)
     spec = TrialSpec(strategy, f"made.by.hand:{strategy.replace('-', '_')}", scenario, trial)
-    return TrialRecord(spec, Status(status).value, reason, steps, estimates, world, timed_out=False)
+    return TrialRecord(spec, Status(status).value, reason, steps, estimates, world, transient=False)
 
 
 def with_spec(made, **changes):

@@ -152,9 +152,11 @@ def test_absolute_trajectory_error_compares_the_final_estimate_with_the_truth():
     assert absolute_trajectory_error(made) == pytest.approx(2.5)
 
 
-def test_without_a_final_estimate_the_running_one_stands_in():
-    made = record("failed", true_x=[0.0, 0.0], true_y=[0.0, 0.0], x=[0.0, 3.0], y=[0.0, 4.0])
-    assert absolute_trajectory_error(made) == pytest.approx(5.0 / math.sqrt(2.0))
+@pytest.mark.parametrize("status", ["failed", "stuck"])
+def test_a_trial_that_broke_off_has_no_trajectory_error(status):
+    """A crash after two steps would look like the best trajectory of all."""
+    made = record(status, true_x=[0.0, 0.0], true_y=[0.0, 0.0], x=[0.0, 3.0], y=[0.0, 4.0])
+    assert math.isnan(absolute_trajectory_error(made))
 
 
 # NEES

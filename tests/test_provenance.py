@@ -65,9 +65,12 @@ def test_every_constant_of_the_scenario_changes_the_key(name):
     assert trial_key(changed(scenario=TINY.replace(**{name: new}))) != trial_key(BASE)
 
 
-def test_names_under_which_rows_are_kept_do_not_change_the_key():
-    assert trial_key(changed(strategy="another name")) == trial_key(BASE)
+def test_the_name_of_the_scenario_does_not_change_the_key():
     assert trial_key(changed(scenario_name="another name")) == trial_key(BASE)
+
+
+def test_one_strategy_under_two_names_has_two_keys():
+    assert trial_key(changed(strategy="another name")) != trial_key(BASE)
 
 
 def test_a_constant_set_to_its_default_does_not_change_the_key():

@@ -98,7 +98,7 @@ def test_specification_ending_and_world_come_back(stored):
     for spec, result in zip(stored.specs, stored.results, strict=True):
         record = stored.store.find(spec)
         assert record.spec == spec
-        assert (record.status, record.reason, record.timed_out) == (result.status.value, result.reason, False)
+        assert (record.status, record.reason, record.transient) == (result.status.value, result.reason, False)
         assert record.world.digest == result.world.digest
         assert np.array_equal(record.world.landmarks, result.world.landmarks)
         assert record.world.start == result.world.start
@@ -239,7 +239,7 @@ def test_no_time_of_day_and_no_duration_is_in_a_shard(stored):
     names = pq.read_schema(stored.store.path(trial_key(stored.specs[0]))).names
     assert not [name for name in names if "second" in name or "time" in name]
     metadata = pq.read_schema(stored.store.path(trial_key(stored.specs[0]))).metadata[METADATA_KEY]
-    assert set(json.loads(metadata)) == {"schema", "spec", "status", "reason", "timed_out", "world"}
+    assert set(json.loads(metadata)) == {"schema", "spec", "status", "reason", "transient", "world"}
 
 
 # Atomicity
@@ -252,7 +252,7 @@ def test_a_failure_while_writing_leaves_neither_a_shard_nor_a_temporary_file(mon
 
     target = "os.fsync" if function == "fsync" else "pathlib.Path.replace"
     monkeypatch.setattr(target, fail)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(RequestError, match="No space"):
         store.write(stored.results[0])
     assert [path.name for path in store.runs.iterdir()] == [PROTOCOL_FILE]
     assert not store.has(stored.specs[0])
@@ -262,7 +262,7 @@ def test_a_failure_while_rewriting_leaves_the_old_shard(monkeypatch, stored, own
     path = own_store.path(trial_key(stored.specs[0]))
     before = path.read_bytes()
     monkeypatch.setattr(os, "fsync", lambda *_: (_ for _ in ()).throw(OSError(5, "broken")))
-    with pytest.raises(OSError, match="broken"):
+    with pytest.raises(RequestError, match="cannot be written"):
         own_store.write(stored.results[0])
     assert path.read_bytes() == before
 
@@ -439,11 +439,11 @@ def test_a_plan_s_missing_trials_are_those_not_stored_in_the_order_of_the_plan(s
 
 
 def test_a_trial_that_ran_out_of_time_does_not_count_as_stored(store, stored):
-    late = dataclasses.replace(stored.results[0], timed_out=True)
+    late = dataclasses.replace(stored.results[0], transient=True)
     store.write(late)
     assert not store.has(stored.specs[0])
     assert list(missing(store, stored.specs[:1])) == [stored.specs[0]]
-    assert store.find(stored.specs[0]).timed_out
+    assert store.find(stored.specs[0]).transient
 
 
 def test_a_failed_trial_counts_as_stored(store, tmp_path):

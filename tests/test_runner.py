@@ -307,7 +307,7 @@ def test_a_worker_that_dies_ends_the_run_as_incomplete_and_keeps_what_is_done(st
 
 
 def test_a_trial_that_cannot_be_interrupted_ends_the_run_as_incomplete(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "GRACE", 1.0)
+    monkeypatch.setattr(runner, "GRACE", 8.0)
     lines = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM])\nsignal.pause()"
     good, bad = later_on(tmp_path, lines)
     with pytest.raises(IncompleteError, match="could not be interrupted"):

@@ -332,7 +332,7 @@ def test_with_little_noise_decisions_end_at_the_target_or_at_a_blocked_path():
 @pytest.mark.parametrize("trial", range(4))
 def test_even_without_any_tolerance_a_decision_has_a_straight_step(trial):
     """The estimate leaves the path's segment at a sighting of a landmark, which may follow the first turn."""
-    scenario = PAPER.replace(path_tolerance=1e-12, stuck_decisions=1000, steps_per_cell=1.0)
+    scenario = PAPER.replace(path_tolerance=1e-9, stuck_decisions=1000, steps_per_cell=1.0)
     events, _ = play(scenario, at_random(trial), trial)
     lengths = [0.0] + [rows[-1].path_length for _, rows in decisions_of(events)[:-1]]
     assert len(lengths) > 10
@@ -346,7 +346,7 @@ def test_even_without_any_tolerance_a_decision_has_a_straight_step(trial):
 def test_a_landmark_sighted_in_the_target_s_cell_ends_the_decision_unless_the_robot_is_there(sensor_range, steps):
     """From (9, 9) towards the centre of cell 45, (11, 9), with a landmark in its far corner."""
     constants = {"landmark_count": 1, "obstacle_count": 0, "odometry_sigma": 1e-3, "heading_sigma_deg": 1e-3}
-    scenario = Scenario(sensor_range=sensor_range, **constants)
+    scenario = Scenario(sensor_range=sensor_range, step_length=0.5, **constants)
     world = World(np.zeros((10, 10), dtype=bool), np.array([[11.95, 9.95]]), (9.0, 9.0, 0.0), 2.0)
     events = begin(scenario, world=world)
     next(events)
@@ -490,7 +490,7 @@ def test_a_result_holds_what_the_rollout_gave():
     events, ending = play(SMALL, nearest)
     result = run_trial(spec_of("Nearest"))
     assert result.steps == steps_of(events)
-    assert (result.status, result.reason, result.timed_out) == (Status.EXPLORED, "", False)
+    assert (result.status, result.reason, result.transient) == (Status.EXPLORED, "", False)
     assert np.array_equal(result.final_poses, ending.belief.poses)
     assert result.final_covariances == pytest.approx(ending.belief.pose_covariances[:, [0, 0, 1], [0, 1, 1]])
     made = {observation.step: observation for observation, _ in decisions_of(events)}
@@ -537,7 +537,7 @@ def test_a_strategy_that_fails_makes_a_failed_trial_with_a_reason_in_one_line(fa
     assert result.status is Status.FAILED
     assert reason in result.reason
     assert "\n" not in result.reason
-    assert result.timed_out == ("longer" in reason)
+    assert result.transient == ("longer" in reason)
 
 
 def test_a_failed_trial_keeps_its_rows_and_its_snapshots(failed, honest):

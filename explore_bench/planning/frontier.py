@@ -19,8 +19,9 @@ class Ground:
 
     Attributes
     ----------
+    scenario, pose : physical constants, estimated pose.
     known, occupied : cells observed, and cells believed occupied, shape (n, n).
-    landmark_cells : cells that hold a landmark's estimate, shape (M,).
+    landmarks : estimates [m], shape (M, 2).
     """
 
     scenario: Scenario
@@ -83,19 +84,24 @@ def find_candidates(ground: Ground, withheld: Withheld) -> Candidates:
     """Candidates of the present belief; none where no frontier can be reached.
 
     Frontiers are known free cells with an unknown cell among their 8 neighbours, reachable through known free
-    cells. Where there is none, unknown cells count as free; where there is still none, withheld ones return.
+    cells. Where there is none, unknown cells count as free; where there is still none, withheld ones return. A robot
+    that its own misplaced obstacles wall in drives through them: every free cell can be reached, so its map is wrong.
     """
     free_known = ground.known & ~ground.blocked
     free_all = ~ground.blocked
-    for allow_withheld in (False, True):
-        for free in (free_known, free_all):
-            frontier = frontier_cells(ground.known, free_known, free, ground.own_cell)
-            if not allow_withheld:
-                frontier = np.array(
-                    [c for c in frontier.tolist() if not withheld.holds(c, ground.known)], dtype=np.int64
-                )
-            if len(frontier):
-                return _plan(ground, free, _select(ground, frontier))
+    anything = np.ones_like(free_all)
+    for free, allow_withheld in (
+        (free_known, False),
+        (free_all, False),
+        (free_known, True),
+        (free_all, True),
+        (anything, True),
+    ):
+        frontier = frontier_cells(ground.known, free_known, free, ground.own_cell)
+        if not allow_withheld:
+            frontier = np.array([c for c in frontier.tolist() if not withheld.holds(c, ground.known)], dtype=np.int64)
+        if len(frontier):
+            return _plan(ground, free, _select(ground, frontier))
     return Candidates(np.empty(0, dtype=np.int64), (), np.empty(0))
 
 

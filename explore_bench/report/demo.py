@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, writing
 from explore_bench.records import Replay, Store, TrialRecord
 from explore_bench.report.scene import draw_scene, scene_legend
 from explore_bench.report.style import entry_of, save, styled
@@ -63,9 +63,8 @@ def _animate(figure: Figure, record: TrialRecord, replay: Replay, path: Path) ->
     def draw(index: int) -> None:
         _draw(figure, record, replay, index)
 
-    animation = FuncAnimation(figure, draw, frames, init_func=lambda: None)
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()  # before the work, and before matplotlib has an animation to complain about
+        animation = FuncAnimation(figure, draw, frames, init_func=lambda: None)
         animation.save(path, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=90)
-    except OSError as error:
-        raise RequestError(f"'{path}' cannot be written ({error.strerror}); give another place.") from None

@@ -28,6 +28,8 @@ CURVE_FIGURES = {
 }
 """Figure → table and size [m] of its strategies."""
 
+SUFFIXES = (".svg", ".png")
+
 EXAMPLE_TRIAL = 0
 """World of the example trials (a): the first, not a chosen one."""
 
@@ -39,10 +41,13 @@ Groups = dict[str, list[TrialRecord]]
 def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) -> list[Path]:
     """Draw every figure for which there are trials; returns the files written.
 
-    A figure is drawn where a strategy that its table in the paper prints, or a plugin, has trials of its size;
-    strategies without trials are left out of it.
+    A figure is drawn where a strategy that its table in the paper prints, or a plugin given by its file or factory,
+    has trials of its size; strategies without trials are left out of it.
     """
     written: list[Path] = []
+    for name in ("figure-06", *(f"{figure}{part}" for figure in CURVE_FIGURES for part in "ab")):
+        for suffix in SUFFIXES:  # what is not drawn now is stale
+            (folder / f"{name}{suffix}").unlink(missing_ok=True)
     with styled():
         for name, (table, size) in CURVE_FIGURES.items():
             groups = _groups(records, table, size)
@@ -58,7 +63,7 @@ def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) ->
 
 
 def _write(figure: Figure, stem: Path) -> list[Path]:
-    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    files = [stem.with_suffix(suffix) for suffix in SUFFIXES]
     for file in files:
         save(figure, file)
     plt.close(figure)
@@ -66,7 +71,7 @@ def _write(figure: Figure, stem: Path) -> list[Path]:
 
 
 def _belongs(strategy: str, table: str, size: float) -> bool:
-    """Whether the paper's table prints this strategy, or it is a plugin that the tables admit."""
+    """Whether the paper's table prints this strategy, or it is a plugin given by its file or factory."""
     entry = strategies().get(strategy)
     return entry is None or any(t == table and s == size for t, s, _ in entry.published)
 
@@ -144,7 +149,8 @@ def _curves(groups: Groups, size: float) -> Figure:
         if name == "explored":
             axes.set_ylim(0, 1)
         elif name == "exploration_efficiency":  # it starts at infinity
-            axes.set_ylim(0, 1.1 * max(line.get_ydata()[length // 8] for line in axes.get_lines()))
+            early = [line.get_ydata()[min(max(length // 8, 1), length - 1)] for line in axes.get_lines()]
+            axes.set_ylim(0, 1.1 * max((value for value in early if math.isfinite(value)), default=1.0))
         below = grid[1, column]
         for strategy, values in ends.items():
             running = (values[:, None] > step).sum(axis=0)

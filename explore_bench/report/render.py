@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, writing
 from explore_bench.records import Store
 from explore_bench.report.figures import write_figures
 from explore_bench.report.tables import write_tables
@@ -35,12 +35,10 @@ def write_report(folder: Path) -> Report:
         raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
     trials = trial_table(records)
     summary = summary_table(trials)
-    try:
+    with writing(folder):
         for name, table in (("trials.csv", trials), ("summary.csv", summary)):
             table.to_csv(folder / name, index=False, lineterminator="\n")
         files = [folder / "trials.csv", folder / "summary.csv"]
         files += write_tables(trials, summary, folder / "tables")
-    except OSError as error:
-        raise RequestError(f"'{folder}' cannot be written ({error.strerror}); give another with --results.") from None
-    files += write_figures(store, records, folder / "figures")
+        files += write_figures(store, records, folder / "figures")
     return Report(tuple(files), len(records), stale)

@@ -14,7 +14,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, writing
 from explore_bench.registry import plugin_entry, strategies
 from explore_bench.strategy import Entry
 
@@ -58,8 +58,6 @@ def save(figure: Figure, path: Path) -> None:
     """
     if path.suffix not in (".png", ".svg"):
         raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in .png, .svg or .gif.")
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else {"Software": None})
-    except OSError as error:
-        raise RequestError(f"'{path}' cannot be written ({error.strerror}); give another place.") from None

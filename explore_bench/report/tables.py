@@ -164,11 +164,17 @@ def paired_table(trials: pd.DataFrame) -> Table:
         names = [n for (n, s), _ in _cells(here) if not entry_of(n).reference]
         for a, b in itertools.combinations(names, 2):
             pair = [here[here["strategy"] == name] for name in (a, b)]
-            estimates = [paired_difference(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
-            row = (f"{size:g}", entry_of(a).label, entry_of(b).label, str(estimates[0].n), *map(_text, estimates))
-            rows.append(row)
-    note = "Mean difference over the worlds that both explored or tried [95 % BCa bootstrap interval]."
+            both = set(pair[0]["trial"]) & set(pair[1]["trial"])
+            cells = [_paired(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
+            rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both)), *cells))
+    note = "Mean difference over the worlds that both tried, scored as above [95 % BCa bootstrap interval]."
     return Table("Differences between strategies, paired by world", tuple(header), tuple(rows), note)
+
+
+def _paired(a: dict[int, float], b: dict[int, float]) -> str:
+    """Difference of two strategies; a dash for a metric that is not defined for every trial."""
+    values = [*a.values(), *b.values()]
+    return _text(paired_difference(a, b)) if all(map(math.isfinite, values)) else "–"
 
 
 def _cells(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:
