@@ -174,8 +174,13 @@ def test_unknown_cells_do_not_count_as_free_while_a_frontier_can_be_reached():
     assert cells_of(("..?.", "####", "####", "####"), 0) == [1]
 
 
-def test_not_even_unknown_ground_leads_through_obstacles():
-    assert cells_of((".#?.", "##??", "????", "????"), 0) == []
+def test_a_robot_walled_in_by_what_it_believes_drives_through_it():
+    """Every free cell of a world can be reached, so a map without a way out is wrong."""
+    assert cells_of((".#?.", "##??", "????", "????"), 0) == [3]
+
+
+def test_obstacles_are_driven_through_only_where_nothing_else_is_left():
+    assert cells_of((".#?.", "..??", "????", "????"), 0) == [4, 5]
 
 
 # Withheld frontiers
