@@ -258,7 +258,7 @@ def test_candidates_are_what_the_definition_says(field):
     beside_unknown = ndimage.binary_dilation(~field.known, np.ones((3, 3)))
     frontier = field.known & ~blocked & beside_unknown
     expected = set()
-    for passable in (field.known & ~blocked, ~blocked):
+    for passable in (field.known & ~blocked, ~blocked, np.ones_like(blocked)):
         passable = passable.copy()
         passable[divmod(own, n)] = True
         rooms = ndimage.label(passable)[0]
