@@ -35,7 +35,7 @@ lint: $(READY)           ## Style, types, and pages that match the results
 	$(BIN)/mypy
 	$(BIN)/python docs/fill.py --check
 
-calibrate: $(READY)      ## The studies behind the constants that the paper leaves out (an hour)
+calibrate: $(READY)      ## The studies behind the constants that the paper leaves out
 	$(BIN)/python docs/studies/calibration.py
 	$(BIN)/python docs/studies/uncertainty_weight.py
 
