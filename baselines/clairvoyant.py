@@ -22,7 +22,7 @@ from explore_bench.scenario import Scenario
 BEAM = 24
 """Plans kept at each depth; docs/clairvoyant.md shows what wider beams gain."""
 
-METRES_PER_CELL = 0.8
+METRES_PER_CELL = 0.6
 """Path [m] that a plan is expected to need for each cell still unknown: ranks plans of one depth."""
 
 

@@ -39,7 +39,7 @@ class Scenario(BaseModel):
     cell_size: Positive = Field(2.0, description="edge of a cell [m] (§4.1)")
     landmark_density: NonNegative = Field(3.0, description="landmarks per 100 cells (§4.1)")
     landmark_count: int | None = Field(None, ge=0, description="landmarks, instead of the density")
-    obstacle_density: NonNegative = Field(1.5, description="one-cell obstacles per cell of edge (calibrated)")
+    obstacle_density: NonNegative = Field(2.0, description="one-cell obstacles per cell of edge (calibrated)")
     obstacle_count: int | None = Field(None, ge=0, description="obstacles, instead of the density")
 
     # Sensor
@@ -55,7 +55,7 @@ class Scenario(BaseModel):
         15.0, description="bearing error that asks for a turn [°] (ours)"
     )
     arrival_radius: Positive = Field(0.25, description="distance at which a waypoint is reached [m] (ours)")
-    odometry_sigma: Positive = Field(0.1, description="noise along and across, a straight step [m] (calibrated)")
+    odometry_sigma: Positive = Field(0.07, description="noise along and across, a straight step [m] (calibrated)")
     turn_sigma: Positive = Field(0.001, description="the same of a turn in place [m]: a factor needs some (ours)")
     heading_sigma_deg: Positive = Field(0.2, description="noise of the heading, every step [°] (as [8])")
     prior_sigma: Positive = Field(0.05, description="prior of the start, x and y [m] (as [8])")

@@ -33,7 +33,7 @@ METRICS = {"trajectory_error": trajectory_error, "exploration_efficiency": explo
 
 STEP_LENGTHS = (0.5, 0.7, 1.0, 1.4)  # m
 ODOMETRY_SIGMAS = (0.02, 0.04, 0.07, 0.1)  # m a straight step
-OBSTACLE_DENSITIES = (0.75, 1.5, 2.5)  # per cell of edge; the first pass uses the middle one
+OBSTACLE_DENSITIES = (1.5, 0.75, 2.0, 2.5, 3.0, 3.5)  # per cell of edge; the first pass uses the first one
 FEW, MANY = 6, 30  # worlds a size
 KEPT, FINALISTS = 4, 8  # settings that go on to the second and the third pass
 RESAMPLES = 2000
@@ -86,10 +86,10 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=Path("results/calibration"))
     store = Store(parser.parse_args().store)
     store.open(0, "calibrate", scenario=None)
-    low, middle, high = OBSTACLE_DENSITIES
-    coarse = sweep([(*pair, middle) for pair in itertools.product(STEP_LENGTHS, ODOMETRY_SIGMAS)], FEW, store)
+    first, *rest = OBSTACLE_DENSITIES
+    coarse = sweep([(*pair, first) for pair in itertools.product(STEP_LENGTHS, ODOMETRY_SIGMAS)], FEW, store)
     kept = coarse[["step_length", "odometry_sigma"]].head(KEPT).to_numpy().tolist()
-    others = sweep([(*pair, density) for pair in kept for density in (low, high)], FEW, store)
+    others = sweep([(*pair, density) for pair in kept for density in rest], FEW, store)
     coarse = pd.concat((coarse, others)).sort_values("rms", ignore_index=True)
     coarse.to_csv(HERE / "calibration-coarse.csv", index=False, float_format="%.4f")
     best = coarse[["step_length", "odometry_sigma", "obstacle_density"]].head(FINALISTS)

@@ -23,7 +23,7 @@ from explore_bench.runner import default_workers, execute
 from explore_bench.statistics import mean_interval
 from explore_bench.suites import plan
 
-WEIGHTS = (0.0, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 25.6)  # m² per m
+WEIGHTS = (0.0, 0.2, 0.4, 0.8, 1.6, 2.4, 3.2, 6.4, 12.8, 25.6)  # m² per m
 SIZES = (20.0, 30.0, 40.0)
 WORLDS = 20
 

@@ -1,0 +1,129 @@
+"""Weights as safetensors, each with a card beside it that says what they are and how they were made."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+
+from explore_bench.errors import RequestError, writing
+
+FORMAT = 1
+
+
+def describe(network: nn.Module) -> dict[str, Any]:
+    """What must agree between a network and a card: its class, its switches and its feature columns."""
+    return {
+        "format": FORMAT,
+        "network": type(network).__name__,
+        "switches": dict(network.switches),  # type: ignore[arg-type]
+        "columns": list(network.columns),  # type: ignore[arg-type]
+        "parameter_count": sum(parameter.numel() for parameter in network.parameters()),
+    }
+
+
+def save_weights(network: nn.Module, path: Path, facts: Mapping[str, Any]) -> None:
+    """Write a network's weights to `path` and its card, `describe` and `facts`, beside it, each atomically.
+
+    Raises
+    ------
+    RequestError : when the folder cannot be written, or the disk is full.
+    """
+    save_tensors(path, {name: tensor.detach() for name, tensor in network.state_dict().items()})
+    save_json(path.with_suffix(".json"), {**describe(network), **facts})
+
+
+def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
+    """Put stored weights into a network of the same kind and return their card.
+
+    Raises
+    ------
+    RequestError : when the weights or their card are missing, damaged, or made for another network.
+    """
+    path = Path(path)
+    card = read_card(path)
+    for key, wanted in describe(network).items():
+        if card.get(key) != wanted:
+            raise RequestError(
+                f"weights '{path.name}' were made for {key} {card.get(key)!r}, not {wanted!r}; "
+                "train them anew with 'explore-bench train'."
+            )
+    tensors = load_tensors(path)
+    expected = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
+    found = {name: tuple(tensor.shape) for name, tensor in tensors.items()}
+    for name in sorted(expected.keys() | found.keys()):
+        if expected.get(name) != found.get(name):
+            raise RequestError(
+                f"weights '{path.name}' hold '{name}' with shape {found.get(name)}, the network wants "
+                f"{expected.get(name)}; train them anew with 'explore-bench train'."
+            )
+    network.load_state_dict(tensors)
+    return card
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """Card of the weights at `path`.
+
+    Raises
+    ------
+    RequestError : when it is missing or damaged.
+    """
+    return load_json(path.with_suffix(".json"))
+
+
+def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+    """Write named tensors atomically."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        half = path.with_name(path.name + ".part")
+        try:
+            save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, half)
+        except SafetensorError as error:
+            raise OSError(str(error)) from None
+        os.replace(half, path)
+
+
+def load_tensors(path: Path) -> dict[str, Tensor]:
+    """Read named tensors.
+
+    Raises
+    ------
+    RequestError : when the file is missing, truncated or no safetensors file.
+    """
+    if not path.is_file():
+        raise RequestError(f"there are no weights '{path}'; make them with 'explore-bench train'.")
+    try:
+        return load_file(path)
+    except (SafetensorError, OSError) as error:
+        raise RequestError(f"weights '{path}' cannot be read ({error}); restore or train them anew.") from None
+
+
+def save_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write plain values atomically."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        half = path.with_name(path.name + ".part")
+        half.write_text(json.dumps(values, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        os.replace(half, path)
+
+
+def load_json(path: Path) -> dict[str, Any]:
+    """Read what `save_json` wrote.
+
+    Raises
+    ------
+    RequestError : when the file is missing or damaged.
+    """
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RequestError(f"'{path}' cannot be read ({error}); restore it or train anew.") from None
+    if not isinstance(values, dict):
+        raise RequestError(f"'{path}' is no card of weights; restore it or train anew.")
+    return values

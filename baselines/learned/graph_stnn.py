@@ -1,0 +1,108 @@
+"""Graph-STNN, the network of Zhang et al. 2021 (§3.3), with a switch for each of its encoders."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from torch import Tensor, nn
+
+from baselines.learned.graph import EQUATION_4, ExplorationGraph, exploration_graph
+from baselines.learned.layers import (
+    GraphBatch,
+    Noise,
+    NoisyLinear,
+    SpatialEncoder,
+    StateEncoder,
+    TemporalEncoder,
+    normalized,
+)
+from baselines.learned.policy import Policy
+from explore_bench import Observation
+
+CHANNELS = 64
+TCN_LAYERS, TCN_KERNEL = 3, 3
+HEAD_CHANNELS = 64
+
+
+class GraphSTNN(nn.Module):
+    """Values of the candidates of an exploration graph, with a hidden state that runs through the episode.
+
+    Parameters
+    ----------
+    spatial, temporal, state : which encoders it has; what one of them would give is left out. Without the state
+        encoder its input, the pooled features, goes to the head.
+    layers : graph convolutions of the spatial encoder, 1 to 3.
+    head : what the head sees of a candidate beside the state: its original and spatial features as in the caption
+        of Fig. 3, or spatial and temporal ones as in the text of §3.3.3.
+    """
+
+    columns = EQUATION_4
+
+    def __init__(
+        self,
+        spatial: bool = True,
+        temporal: bool = True,
+        state: bool = True,
+        layers: int = 2,
+        head: Literal["caption", "text"] = "caption",
+    ) -> None:
+        super().__init__()
+        self.switches = {"spatial": spatial, "temporal": temporal, "state": state, "layers": layers, "head": head}
+        self.embed = nn.Linear(len(self.columns), CHANNELS)
+        self.spatial = SpatialEncoder(CHANNELS, layers) if spatial else None
+        of_node = CHANNELS * (1 + spatial)
+        self.temporal = TemporalEncoder(of_node, CHANNELS, TCN_LAYERS, TCN_KERNEL) if temporal else None
+        pooled = of_node + CHANNELS * temporal
+        self.state = StateEncoder(pooled, CHANNELS) if state else None
+        of_candidate = of_node if head == "caption" else CHANNELS * (spatial + temporal)
+        self.inputs = (CHANNELS if state else pooled) + of_candidate
+        self.noisy = NoisyLinear(self.inputs, HEAD_CHANNELS)
+        self.value = nn.Linear(HEAD_CHANNELS, 1)
+
+    def graph(self, observation: Observation) -> ExplorationGraph:
+        """Build what the network reads of an observation."""
+        return exploration_graph(observation, self.columns)
+
+    def start(self, count: int) -> Tensor:
+        """Hidden state at the beginning of some episodes, shape (2, B, F)."""
+        return torch.zeros(2, count, CHANNELS)
+
+    def forward(self, batch: GraphBatch, hidden: Tensor, noise: Noise | None = None) -> tuple[Tensor, Tensor]:
+        """Values of the candidates (B, C), −∞ where padded, and the next hidden state (2, B, F)."""
+        original = torch.relu(self.embed(batch.features))
+        features = [original]
+        if self.spatial is not None:
+            features.append(self.spatial(original, normalized(batch.adjacency)))
+        of_node = torch.cat(features, dim=-1)
+        pooled = [batch.mean(values) for values in features]
+        if self.temporal is not None:
+            pooled.append(self.temporal(of_node, batch.trajectory))
+        state = torch.cat(pooled, dim=-1)
+        if self.state is not None:
+            state, hidden = self.state(state, hidden)
+        shown = (
+            batch.of_candidates(of_node) if self.switches["head"] == "caption" else self._text(batch, features, pooled)
+        )
+        width = shown.shape[1]
+        entered = torch.cat((state.unsqueeze(1).expand(-1, width, -1), shown), dim=-1)
+        if noise is not None:
+            entered = entered * noise.kept.unsqueeze(1)
+        values = self.value(torch.relu(self.noisy(entered, noise))).squeeze(-1)
+        return batch.masked(values), hidden
+
+    def _text(self, batch: GraphBatch, features: list[Tensor], pooled: list[Tensor]) -> Tensor:
+        """Spatial features of the candidates and the temporal feature, which all of them share."""
+        shown = [batch.of_candidates(values) for values in features[1:]]
+        if self.temporal is not None:
+            shown.append(pooled[-1].unsqueeze(1).expand(-1, batch.candidates.shape[1], -1))
+        return torch.cat(shown, dim=-1)
+
+    def noise(self, rngs: list, rate: float) -> Noise:
+        """Exploration noise for one episode of each generator."""
+        return Noise.draw(rngs, self.inputs, HEAD_CHANNELS, rate)
+
+
+def strategy(weights: str, **switches: bool | int | str) -> Policy:
+    """Graph-STNN with trained weights; the switches are those of `GraphSTNN`."""
+    return Policy(GraphSTNN(**switches), weights)

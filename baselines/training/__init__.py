@@ -1,0 +1,1 @@
+"""Training of the learned strategies; nothing imports it but its own command."""

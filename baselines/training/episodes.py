@@ -1,0 +1,96 @@
+"""Several rollouts in lockstep, so that one pass of a network serves the decisions of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from explore_bench import Observation, Scenario, rollout
+from explore_bench.reward import WEIGHTS, RewardWeights, reward
+from explore_bench.seeding import Purpose, Role, stream
+from explore_bench.simulator.world import draw_world
+from explore_bench.spec import Status
+from explore_bench.steps import Step
+
+Act = Callable[[list[int], list[Observation]], Sequence[int]]
+"""Told which episodes wait for a decision and what they see, it answers with a choice for each."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where episodes come from: their physics and their random streams, numbered from 0.
+
+    Attributes
+    ----------
+    root : root seed; for training the training seed.
+    """
+
+    scenario: Scenario
+    purpose: Purpose
+    root: int
+
+    def generator(self, episode: int, role: Role):  # noqa: ANN201
+        """Return the stream of a role in an episode."""
+        return stream(self.purpose, self.root, self.scenario.size, episode, role)
+
+
+@dataclass
+class Episode:
+    """What an episode was like.
+
+    Attributes
+    ----------
+    number : of the episode in its course.
+    rewards : Eq. 24 of each decision.
+    last : row after its last step.
+    status : how it ended.
+    """
+
+    number: int
+    last: Step | None = None
+    rewards: list[float] = field(default_factory=list)
+    status: Status = Status.FAILED
+
+    @property
+    def steps(self) -> int:
+        """T, steps taken."""
+        return self.last.step if self.last else 0
+
+
+class _Running:
+    """One rollout, advanced from decision to decision."""
+
+    def __init__(self, course: Course, number: int, weights: RewardWeights) -> None:
+        world = draw_world(course.scenario, course.generator(number, "world"))
+        self._events = rollout(
+            course.scenario, world, course.generator(number, "motion"), course.generator(number, "sensor")
+        )
+        self._scenario, self._weights = course.scenario, weights
+        self.episode = Episode(number)
+        self.observation: Observation | None = None
+
+    def advance(self, choice: int | None) -> None:
+        """Give a choice (None at the start) and go on to the next decision, or to the end (observation None)."""
+        before, self.observation = self.episode.last, None
+        try:
+            event = self._events.send(choice)
+            while isinstance(event, Step):
+                self.episode.last = event
+                event = next(self._events)
+            self.observation = event
+        except StopIteration as stop:
+            self.episode.status = stop.value.status
+        if choice is not None and before is not None and self.episode.last is not None:
+            self.episode.rewards.append(reward(before, self.episode.last, self._scenario, self._weights))
+
+
+def play(course: Course, numbers: Sequence[int], act: Act, weights: RewardWeights = WEIGHTS) -> list[Episode]:
+    """Play episodes in lockstep: `act` is asked for the next decisions of all that still run, until all have ended."""
+    running = [_Running(course, number, weights) for number in numbers]
+    for one in running:
+        one.advance(None)
+    while waiting := [i for i, one in enumerate(running) if one.observation is not None]:
+        choices = act(waiting, [one.observation for i in waiting if (one := running[i]).observation is not None])
+        for i, choice in zip(waiting, choices, strict=True):
+            running[i].advance(int(choice))
+    return [one.episode for one in running]
