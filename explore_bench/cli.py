@@ -72,7 +72,7 @@ def list_(what: str) -> None:
 
         rows = [("name", "label", "tables", "state")]
         for name, entry in strategies().items():
-            state = "reference: told the truth" if entry.reference else "ready" if entry.factory else "not trained"
+            state = "reference: told the truth" if entry.reference else "ready" if entry.ready else "not trained"
             rows.append((name, entry.label, ", ".join(entry.tables), state))
     elif what == "scenarios":
         from explore_bench.scenario import SCENARIOS
@@ -225,6 +225,31 @@ def demo(
     steps = record.steps["step"][-1]
     click.echo(f"{spec.strategy}, {size:g} m, world {trial}: {record.status} after {steps} steps; {path}")
     return NO if record.status == "failed" else DONE
+
+
+@cli.command()
+@click.argument("name")
+@click.option("--seed", type=click.IntRange(0, 99_999), default=0, show_default=True, metavar="S", help="Training seed.")
+@click.option("--episodes", type=click.IntRange(1), metavar="N", help="Episodes in all (default: the strategy's own).")
+@click.option("--resume", is_flag=True, help="Go on from the last checkpoint, where there is one.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("results/training"),
+    show_default=True,
+    help="Folder of weights, cards, curves and checkpoints.",
+)
+def train(name: str, seed: int, episodes: int | None, resume: bool, out: Path) -> int:
+    """Train the learned strategy NAME on one core; its weights are the best of its own validation worlds."""
+    from explore_bench.registry import lookup
+    from explore_bench.strategy import load_factory
+
+    name, entry = lookup(name)
+    if entry.trainer is None:
+        raise RequestError(f"strategy '{name}' is not learned; choose one that 'explore-bench list' calls learned.")
+    path = load_factory(entry.trainer)(name, entry, seed, episodes, resume, out, click.echo)
+    click.echo(f"best weights: {path}")
+    return DONE
 
 
 @cli.command()

@@ -111,7 +111,7 @@ def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
     decisions = {
         name: {f"{size:g}": _decision_ms(name, entry, size) for size in SIZES}
         for name, entry in strategies().items()
-        if entry.factory is not None
+        if entry.ready
     }
     return Perf(ratios, medians, growth, decisions, parts)
 
@@ -188,12 +188,13 @@ def _decision_ms(name: str, entry: Entry, size: float) -> float:
     for trial in range(DECISION_TRIALS):
         spec = TrialSpec(
             name,
-            entry.factory or "",
+            entry.factory,
             PAPER.replace(size=size),
             trial,
             dict(entry.parameters),
             entry.reference,
             purpose="calibrate",
+            weights=next(iter(entry.weights.values()), None),
         )
         seconds += run_trial(spec).decision_seconds
     return 1e3 * statistics.median(seconds)

@@ -15,6 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from explore_bench.scenario import Scenario
 from explore_bench.spec import TrialSpec
 from explore_bench.steps import SCHEMA_VERSION
 from explore_bench.strategy import parse_factory
@@ -36,6 +37,7 @@ def spec_values(spec: TrialSpec) -> dict[str, Any]:
         "root": spec.root,
         "trial": spec.trial,
         "training_seed": spec.training_seed,
+        "weights": spec.weights,
     }
 
 
@@ -45,15 +47,21 @@ def trial_key(spec: TrialSpec) -> str:
     del values["scenario_name"]
     place, _ = parse_factory(spec.factory)
     values["factory"] = Path(spec.factory).name
+    values["weights"] = weights_digest(spec.weights) if spec.weights else None
     values["code"] = code_digest(place)
     values["libraries"] = library_versions(place)
     values["schema"] = SCHEMA_VERSION
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:20]
 
 
+def scenario_digest(scenario: Scenario) -> str:
+    """Twelve hexadecimal digits of all constants of a scenario."""
+    return hashlib.sha256(json.dumps(scenario.model_dump(), sort_keys=True).encode()).hexdigest()[:12]
+
+
 def forget_code() -> None:
     """Read all code anew: it may have been edited since (in a notebook, say)."""
-    for function in (code_digest, library_versions, _modules, _file, _tree, _syntax):
+    for function in (code_digest, library_versions, weights_digest, _modules, _file, _tree, _syntax):
         function.cache_clear()
 
 
@@ -71,6 +79,15 @@ def library_versions(place: str) -> dict[str, str]:
     """Versions of the LIBRARIES that the code of a factory imports, read without importing them."""
     imported = {name.split(".")[0] for path in _modules(place).values() for name in _imports(path, "")}
     return {name: installed_version(name) for name in LIBRARIES if name in imported}
+
+
+@cache
+def weights_digest(path: str) -> str:
+    """Digest of a file of weights; "absent" where there is none."""
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError:
+        return "absent"
 
 
 def installed_version(distribution: str) -> str:

@@ -94,8 +94,9 @@ def write_trials(store: Store) -> pd.DataFrame:
 
 def select(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
     """Rows of the trials of a plan."""
-    wanted = {(spec.strategy, spec.scenario.size, spec.trial) for spec in specs}
-    keys = zip(table["strategy"], table["size"], table["trial"], strict=True)
+    wanted = {(spec.strategy, spec.training_seed, spec.scenario.size, spec.trial) for spec in specs}
+    seeds = [None if pd.isna(seed) else int(seed) for seed in table["training_seed"]]
+    keys = zip(table["strategy"], seeds, table["size"], table["trial"], strict=True)
     return table[[key in wanted for key in keys]].reset_index(drop=True)
 
 

@@ -114,11 +114,11 @@ def check_runnable(specs: Sequence[TrialSpec]) -> None:
     ------
     RequestError : for the first that cannot be made.
     """
-    seen: dict[str, TrialSpec] = {}
+    seen: dict[tuple[str, int | None], TrialSpec] = {}
     for spec in specs:
-        seen.setdefault(spec.strategy, spec)
+        seen.setdefault((spec.strategy, spec.training_seed), spec)
     for spec in seen.values():
-        made = make_strategy(spec.factory, spec.parameters)
+        made = make_strategy(spec.factory, spec.arguments)
         begin = "reset_with_world" if spec.reference else "reset"
         for method in (begin, "choose"):
             if not callable(getattr(made, method, None)):

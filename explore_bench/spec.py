@@ -33,7 +33,7 @@ class TrialSpec:
     scenario : physical constants, the size among them.
     scenario_name : name under which they are kept.
     purpose, root, trial : of its random streams.
-    training_seed : seed with which the strategy's weights were trained; None for one that is not trained.
+    training_seed, weights : of a learned strategy, the seed with which it was trained and the file of its weights.
     """
 
     strategy: str
@@ -46,6 +46,12 @@ class TrialSpec:
     purpose: Purpose = "evaluate"
     root: int = 0
     training_seed: int | None = None
+    weights: str | None = None
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Keyword arguments of the factory: the parameters, and the weights where there are any."""
+        return {**self.parameters, **({"weights": self.weights} if self.weights else {})}
 
     def generator(self, role: Role) -> np.random.Generator:
         """Return the trial's stream of a role."""

@@ -91,33 +91,44 @@ class Entry:
 
     Attributes
     ----------
-    factory : "module:name" of what makes the strategy, called with the parameters; None for a strategy of the
-        paper that has no weights yet and is shown as `not trained`.
+    factory : "module:name" of what makes the strategy, called with the parameters (and `weights`, a path, where
+        the strategy is learned).
     label : its name in tables and figures.
     color : its fixed colour, "#rrggbb".
     parameters : keyword arguments of the factory.
     tables : the paper's tables that it belongs to.
     published : what those tables print of it.
     reference : whether it is told the truth; it is marked so in every table and compared with nobody.
+    trainer : "module:name" of what trains it; None for one that is not learned.
+    training : what the trainer should do otherwise than usual, as the trainer defines it.
+    weights : safetensors file of each training seed; a learned strategy without any is shown as `not trained`.
     """
 
-    factory: str | None
+    factory: str
     label: str
     color: str = "#7f7f7f"
     parameters: Mapping[str, Any] = field(default_factory=dict)
     tables: tuple[str, ...] = ("table2", "table3")
     published: Published = field(default_factory=dict)
     reference: bool = False
+    trainer: str | None = None
+    training: Mapping[str, Any] = field(default_factory=dict)
+    weights: Mapping[int, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.factory is not None:
-            parse_factory(self.factory)
+        parse_factory(self.factory)
         if not re.fullmatch(r"#[0-9a-fA-F]{6}", self.color):
             raise ValueError(f"color '{self.color}' of '{self.label}' must read '#rrggbb'")
         try:
             json.dumps(dict(self.parameters))
         except TypeError as error:
             raise ValueError(f"parameters of '{self.label}' must be plain numbers, texts and lists ({error})") from None
+
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can run: a learned strategy needs weights."""
+        return self.trainer is None or bool(self.weights)
 
 
 def parse_factory(factory: str) -> tuple[str, str]:
@@ -140,6 +151,22 @@ def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
     ------
     RequestError : where the file or module cannot be imported, lacks the name, or refuses the parameters.
     """
+    try:
+        return load_factory(factory)(**parameters)
+    except RequestError:
+        raise
+    except (Exception, SystemExit) as error:
+        shown = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
+        raise RequestError(f"strategy '{factory}' cannot be made with ({shown}): {describe(error)}.") from error
+
+
+def load_factory(factory: str) -> Any:
+    """Import what a factory string names, in this process.
+
+    Raises
+    ------
+    RequestError : where the file or module cannot be imported, or lacks the name.
+    """
     place, name = parse_factory(factory)
     try:
         module = _load_file(Path(place)) if place.endswith(".py") else importlib.import_module(place)
@@ -147,11 +174,7 @@ def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
         raise RequestError(f"strategy '{factory}' cannot be imported ({describe(error)}); mend that.") from error
     if not hasattr(module, name):
         raise RequestError(f"strategy '{factory}': '{place}' has no '{name}'; name something that it defines.")
-    try:
-        return getattr(module, name)(**parameters)
-    except (Exception, SystemExit) as error:
-        shown = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
-        raise RequestError(f"strategy '{factory}' cannot be made with ({shown}): {describe(error)}.") from error
+    return getattr(module, name)
 
 
 def describe(error: BaseException) -> str:

@@ -71,7 +71,7 @@ def plan(
     scenario_name: str = "paper",
     purpose: Purpose = "evaluate",
 ) -> Plan:
-    """List the trials of a suite: pure, cheap, in the order of strategies, sizes and trials.
+    """List the trials of a suite: pure, cheap, in the order of strategies, sizes, training seeds and trials.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def plan(
         own_sizes = tuple(sizes) or chosen.sizes_of(entry) or (chosen.sizes if names else ())
         if not own_sizes or (not names and not chosen.sizes_of(entry)):
             continue
-        if entry.factory is None:
+        if not entry.ready:
             untrained.append(name)
             continue
         for size in own_sizes:
@@ -123,7 +123,10 @@ def plan(
                     scenario_name=scenario_name,
                     purpose=purpose,
                     root=root,
+                    training_seed=seed,
+                    weights=weights,
                 )
+                for seed, weights in (entry.weights or {None: None}).items()
                 for trial in range(count)
             ]
     return Plan(tuple(specs), tuple(untrained))

@@ -165,7 +165,7 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     status, reason, transient = Status.FAILED, "", False
     try:
         with _time_limit(timeout):
-            strategy = make_strategy(spec.factory, spec.parameters)
+            strategy = make_strategy(spec.factory, spec.arguments)
             if spec.reference:
                 strategy.reset_with_world(spec.generator("strategy"), world)
             else:

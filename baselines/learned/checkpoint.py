@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
@@ -77,13 +77,13 @@ def read_card(path: Path) -> dict[str, Any]:
     return load_json(path.with_suffix(".json"))
 
 
-def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+def save_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: dict[str, str] | None = None) -> None:
     """Write named tensors atomically."""
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         half = path.with_name(path.name + ".part")
         try:
-            save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, half)
+            save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, half, metadata)
         except SafetensorError as error:
             raise OSError(str(error)) from None
         os.replace(half, path)
@@ -102,6 +102,27 @@ def load_tensors(path: Path) -> dict[str, Tensor]:
         return load_file(path)
     except (SafetensorError, OSError) as error:
         raise RequestError(f"weights '{path}' cannot be read ({error}); restore or train them anew.") from None
+
+
+def save_state(path: Path, tensors: Mapping[str, Tensor], facts: Mapping[str, Any]) -> None:
+    """Write the state of a training as one file: tensors, and plain values as its metadata, atomically."""
+    save_tensors(path, tensors, {"facts": json.dumps(facts)})
+
+
+def load_state(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read what `save_state` wrote.
+
+    Raises
+    ------
+    RequestError : when the file is missing, truncated or something else.
+    """
+    tensors = load_tensors(path)
+    with safe_open(path, framework="pt") as file:
+        facts = (file.metadata() or {}).get("facts")
+    if facts is None:
+        raise RequestError(f"'{path}' is no checkpoint of a training; train without --resume.")
+    values: dict[str, Any] = json.loads(facts)
+    return tensors, values
 
 
 def save_json(path: Path, values: Mapping[str, Any]) -> None:

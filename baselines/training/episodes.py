@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -50,6 +51,16 @@ class Episode:
     last: Step | None = None
     rewards: list[float] = field(default_factory=list)
     status: Status = Status.FAILED
+
+    def score(self, scenario: Scenario) -> tuple[float, float, float]:
+        """T, η (Eq. 2) and e (Eq. 3), by the benchmark's rule for an episode that did not explore its map."""
+        assert self.last is not None
+        taken, peak = self.last.step, self.last.peak_trace
+        if self.status is not Status.EXPLORED:
+            taken, peak = scenario.step_limit, max(peak, 2.0 * scenario.virtual_sigma**2)
+        taken = max(taken, 1)
+        efficiency = (scenario.prior_uncertainty - self.last.uncertainty) / taken
+        return float(taken), efficiency, taken / scenario.cell_count * math.sqrt(peak)
 
     @property
     def steps(self) -> int:

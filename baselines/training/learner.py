@@ -57,6 +57,26 @@ class ReturnsLearner:
     def __init__(self, network: nn.Module, course: Course, settings: Returns) -> None:
         self.network, self.course, self.settings = network, course, settings
         self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
+        self.episodes_at_once = settings.episodes_per_update
+        self._rate = settings.dropout
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that learning goes on from, but for `counters`."""
+        return with_prefix("network.", self.network.state_dict()) | optimizer_tensors(self.optimizer)
+
+    def counters(self) -> dict[str, int]:
+        """Return nothing: what changes with time follows from the number of the episode."""
+        return {}
+
+    def restore(self, tensors: dict[str, Tensor], counters: dict[str, int]) -> None:
+        """Go on from what `tensors` and `counters` gave."""
+        self.network.load_state_dict(part(tensors, "network."))
+        restore_optimizer(self.optimizer, tensors)
+
+    def exploration(self) -> str:
+        """How much the network explores, in words."""
+        sigma = float(self.network.noisy.sigma_weight.detach().abs().mean())
+        return f"noise σ {sigma:.4f}, dropout {self._rate:.2f}"
 
     def improve(self, numbers: Sequence[int]) -> tuple[list[Episode], float]:
         """Play these episodes, take one gradient step and return them with the loss.
@@ -68,6 +88,7 @@ class ReturnsLearner:
         settings, network = self.settings, self.network
         progress = min(numbers[0] / settings.decay, 1.0)
         rate = settings.dropout + progress * (settings.final_dropout - settings.dropout)
+        self._rate = rate
         rngs = [self.course.generator(number, "learning") for number in numbers]
         noise = network.noise(rngs, rate)
         hidden = network.start(len(numbers))
@@ -93,6 +114,32 @@ class ReturnsLearner:
         set_rate(self.optimizer, settings.rate + progress * (settings.final_rate - settings.rate))
         descend(loss, network, self.optimizer, settings.clip)
         return episodes, float(loss.detach())
+
+
+def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """State of an optimizer as named tensors."""
+    state = optimizer.state_dict()["state"]
+    return {f"optimizer.{index}.{name}": value for index, own in state.items() for name, value in own.items()}
+
+
+def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
+    """Put back what `optimizer_tensors` gave."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in tensors.items():
+        if key.startswith("optimizer."):
+            _, index, name = key.split(".", 2)
+            state.setdefault(int(index), {})[name] = value
+    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
+
+
+def part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """Tensors whose name begins with a prefix, without it."""
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Tensors with a prefix put before their names."""
+    return {prefix + name: value for name, value in tensors.items()}
 
 
 def returns(rewards: Sequence[float], discount: float) -> np.ndarray:
@@ -179,7 +226,31 @@ class ReplayLearner:
         self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
         self.target = copy.deepcopy(network).requires_grad_(False)
         self.decisions = self.updates = 0
+        self.episodes_at_once = settings.episodes_at_once
         self._memory: deque[Transition] = deque(maxlen=settings.memory)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that learning goes on from, but for `counters` and the memory, which fills anew."""
+        networks = with_prefix("network.", self.network.state_dict()) | with_prefix("target.", self.target.state_dict())
+        return networks | optimizer_tensors(self.optimizer)
+
+    def counters(self) -> dict[str, int]:
+        """Decisions and gradient steps so far."""
+        return {"decisions": self.decisions, "updates": self.updates}
+
+    def restore(self, tensors: dict[str, Tensor], counters: dict[str, int]) -> None:
+        """Go on from what `tensors` and `counters` gave."""
+        self.network.load_state_dict(part(tensors, "network."))
+        self.target.load_state_dict(part(tensors, "target."))
+        restore_optimizer(self.optimizer, tensors)
+        self.decisions, self.updates = counters["decisions"], counters["updates"]
+
+    def exploration(self) -> str:
+        """How much the network explores, in words."""
+        return f"dropout {self._left() * self.settings.exploration:.2f}"
+
+    def _left(self) -> float:
+        return max(1.0 - self.decisions / self.settings.decay, 0.0)
 
     def improve(self, numbers: Sequence[int]) -> tuple[list[Episode], float]:
         """Play these episodes with a gradient step every few decisions; return them with the mean loss.
@@ -198,10 +269,9 @@ class ReplayLearner:
         def act(waiting: list[int], observations: list[Observation]) -> list[int]:
             nonlocal due
             seen = [self.network.graph(observation) for observation in observations]
-            left = max(1.0 - self.decisions / self.settings.decay, 0.0)
             with torch.no_grad():
                 batch = GraphBatch.of(seen)
-                values, _ = self.network(batch, self.network.start(len(seen)), left * self.settings.exploration)
+                values, _ = self.network(batch, self.network.start(len(seen)), self._left() * self.settings.exploration)
             best: list[int] = values.argmax(dim=1).tolist()
             for i, graph, choice in zip(waiting, seen, best, strict=True):
                 graphs[i].append(graph)

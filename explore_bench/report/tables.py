@@ -125,7 +125,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
     for strategy in names:
         entry = entry_of(strategy)
         lines = own[own["strategy"] == strategy].set_index(["metric", "size"])
-        absent = "not trained" if entry.factory is None else "not run"
+        absent = "not run" if entry.ready else "not trained"
         worlds = [_value(lines, PAPER_METRICS[0], size, "n") for size in sizes]
         unfinished = [_value(lines, PAPER_METRICS[0], size, "failed") for size in sizes]
         row = [_label(strategy), _slashes(worlds), _slashes(unfinished) if any(worlds) else "–"]

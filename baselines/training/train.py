@@ -1,0 +1,296 @@
+"""Training of one strategy with one seed: episodes, validation, checkpoints, the curve, and the card of the weights."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from baselines.learned.checkpoint import describe, load_state, save_state, save_weights
+from baselines.learned.policy import evaluate
+from baselines.training.episodes import Course, Episode, play
+from baselines.training.learner import DivergedError, Replay, ReplayLearner, Returns, ReturnsLearner
+from explore_bench import Entry, Observation, RequestError
+from explore_bench.errors import writing
+from explore_bench.provenance import installed_version, scenario_digest
+from explore_bench.reward import WEIGHTS
+from explore_bench.scenario import PAPER
+from explore_bench.seeding import stream
+from explore_bench.strategy import parse_factory
+
+WINDOW = 10_000
+"""Simulated steps over which a row of the training curve averages, as the paper's curves do."""
+
+VALIDATION_WORLDS = 32
+VALIDATE_EVERY = 500
+"""Episodes between two validations."""
+
+SAVE_SECONDS = 30.0
+SAY_SECONDS = 10.0
+
+CURVE_COLUMNS = ("steps", "episodes", "decisions", "reward", "time", "efficiency", "error", "loss")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How networks of a factory are made and learn.
+
+    Attributes
+    ----------
+    network : "module:class" of the network.
+    learner, settings : how it learns.
+    episodes : how many it takes unless told otherwise.
+    """
+
+    network: str
+    learner: type
+    settings: Returns | Replay
+    episodes: int
+
+
+RECIPES: dict[str, Recipe] = {
+    "baselines.learned.graph_stnn": Recipe("GraphSTNN", ReturnsLearner, Returns(), 6000),
+    "baselines.learned.gcn": Recipe("GCN", ReplayLearner, Replay(), 6000),
+}
+"""By the module of a strategy's factory."""
+
+
+@dataclass
+class Log:
+    """What is known of a training so far; it is stored with every checkpoint.
+
+    Attributes
+    ----------
+    episodes, decisions, steps, seconds : done so far.
+    curve : rows of CURVE_COLUMNS, one for every WINDOW steps.
+    pending : sums of the row that is not full yet.
+    validations : [episodes, objective, T, η, e] of each validation, the objective being the mean of log e − log η.
+    """
+
+    episodes: int = 0
+    decisions: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+    curve: list[list[float]] = field(default_factory=list)
+    pending: list[float] = field(default_factory=lambda: [0.0] * 8)
+    validations: list[list[float]] = field(default_factory=list)
+
+    def add(self, episodes: list[Episode], loss: float, course: Course) -> None:
+        """Take in the episodes of one gradient step."""
+        for episode in episodes:
+            time_, efficiency, error = episode.score(course.scenario)
+            self.episodes += 1
+            self.decisions += len(episode.rewards)
+            self.steps += episode.steps
+            values = (1, episode.steps, len(episode.rewards), sum(episode.rewards), time_, efficiency, error, loss)
+            self.pending = [a + b for a, b in zip(self.pending, values, strict=True)]
+        if self.pending[1] >= WINDOW:
+            self.curve.append(self.row())
+            self.pending = [0.0] * 8
+
+    def row(self) -> list[float]:
+        """CURVE_COLUMNS of what is pending: reward a decision; T, η, e and loss an episode."""
+        count, _, decisions, reward, *sums = self.pending
+        means = [value / max(count, 1) for value in sums]
+        return [self.steps, self.episodes, self.decisions, reward / max(decisions, 1), *means]
+
+
+class Training:
+    """A training that can stop and go on; see `train`."""
+
+    def __init__(self, name: str, entry: Entry, seed: int, out: Path) -> None:
+        torch.set_num_threads(1)
+        module, _ = parse_factory(entry.factory)
+        self.recipe = RECIPES[module]
+        self.name, self.entry, self.seed = name, entry, seed
+        self.best_path = out / f"{name}-{seed}.safetensors"
+        self.last_path = out / f"{name}-{seed}.last"
+        self.course = Course(PAPER.replace(**entry.training), "train", seed)
+        self.validation = Course(PAPER, "validate", 0)
+        torch.manual_seed(int(stream("train", seed, PAPER.size, 0, "strategy").integers(2**62)))
+        self.network = make_network(module, self.recipe.network, entry.parameters)
+        self.learner = self.recipe.learner(self.network, self.course, self.recipe.settings)
+        self.log = Log()
+
+    def restore(self) -> bool:
+        """Go on from the last checkpoint; False where there is none.
+
+        Raises
+        ------
+        RequestError : where it is damaged or that of another network.
+        """
+        if not self.last_path.exists():
+            return False
+        tensors, facts = load_state(self.last_path)
+        if facts.get("design") != self._design():
+            raise RequestError(
+                f"checkpoint '{self.last_path}' is of another network or other settings; train without --resume."
+            )
+        self.learner.restore(tensors, facts["counters"])
+        self.log = Log(**facts["log"])
+        return True
+
+    def save(self) -> None:
+        """Write the checkpoint from which `restore` goes on."""
+        facts = {"design": self._design(), "counters": self.learner.counters(), "log": asdict(self.log)}
+        save_state(self.last_path, self.learner.tensors(), facts)
+
+    def _design(self) -> dict[str, Any]:
+        return json.loads(json.dumps({**describe(self.network), "settings": asdict(self.recipe.settings)}))
+
+    def validate(self) -> None:
+        """Play the validation worlds without noise; keep the weights where none before were better."""
+        log = self.log
+        played = greedy(self.network, self.validation, VALIDATION_WORLDS)
+        scores = np.array([episode.score(self.validation.scenario) for episode in played])
+        objective = float((np.log(scores[:, 2]) - np.log(scores[:, 1])).mean())
+        log.validations.append([log.episodes, objective, *scores.mean(axis=0).tolist()])
+        if objective <= min(row[1] for row in log.validations):
+            save_weights(self.network, self.best_path, self.facts())
+            self.write_curve()
+
+    def facts(self) -> dict[str, Any]:
+        """What the card says beside the network: how the weights were made and what validation measured."""
+        log, (episodes, objective, time_, efficiency, error) = self.log, self.log.validations[-1]
+        command = f"explore-bench train {self.name} --seed {self.seed} --episodes {log.episodes}"
+        return {
+            "strategy": self.name,
+            "training_seed": self.seed,
+            "command": command,
+            "episodes": int(episodes),
+            "steps": log.steps,
+            "decisions": log.decisions,
+            "wall_seconds": round(log.seconds, 1),
+            "validation": {
+                "worlds": VALIDATION_WORLDS,
+                "objective": objective,
+                "time": time_,
+                "exploration_efficiency": efficiency,
+                "trajectory_error": error,
+            },
+            "settings": asdict(self.recipe.settings),
+            "reward_weights": asdict(WEIGHTS),
+            "scenario": self.course.scenario.model_dump(exclude_unset=True),
+            "scenario_digest": scenario_digest(self.course.scenario),
+            "versions": {library: installed_version(library) for library in ("gtsam", "numpy", "torch")},
+        }
+
+    def write_curve(self) -> None:
+        """Write the training curve and the validations beside the best weights."""
+        write_csv(self.best_path.with_suffix(".curve.csv"), CURVE_COLUMNS, self.log.curve)
+
+
+def make_network(module: str, name: str, parameters: Any) -> Any:
+    """Make an untrained network of a module."""
+    import importlib
+
+    return getattr(importlib.import_module(module), name)(**parameters)
+
+
+def write_csv(path: Path, header: tuple[str, ...], rows: list[list[float]]) -> None:
+    """Write numbers with a header."""
+    lines = [",".join(header), *(",".join(f"{value:.6g}" for value in row) for row in rows)]
+    with writing(path):
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def greedy(network: Any, course: Course, count: int) -> list[Episode]:
+    """Play episodes with the mean weights and no dropout."""
+    network.eval()
+    hidden = network.start(count)
+
+    def act(waiting: list[int], observations: list[Observation]) -> list[int]:
+        nonlocal hidden
+        with torch.inference_mode():
+            values, after = evaluate(network, observations, hidden[:, waiting])
+            hidden = hidden.index_copy(1, torch.tensor(waiting), after)
+        chosen: list[int] = values.argmax(dim=1).tolist()
+        return chosen
+
+    return play(course, range(count), act)
+
+
+def train(
+    name: str,
+    entry: Entry,
+    seed: int,
+    episodes: int | None,
+    resume: bool,
+    out: Path,
+    say: Callable[[str], None],
+) -> Path:
+    """Train a strategy with one seed and return the path of its best weights.
+
+    The best weights by validation, their card and the curve are `NAME-SEED.safetensors`, `.json` and `.curve.csv` in
+    `out`; `NAME-SEED.last` is the checkpoint from which `resume` goes on, written every 30 s. Worlds come from the
+    streams `train` (root: the seed) and `validate`, never from those of the benchmark.
+
+    Raises
+    ------
+    RequestError : when `out` cannot be written, holds a training that was not to be resumed, or the loss diverged.
+    """
+    run = Training(name, entry, seed, out)
+    wanted = episodes or run.recipe.episodes
+    resumed = resume and run.restore()
+    if not resume and run.last_path.exists():
+        raise RequestError(f"'{run.last_path}' holds a training already; add --resume to go on, or remove it.")
+    if resumed:
+        say(f"{name}, seed {seed}: going on after {run.log.episodes} episodes")
+    run.save()
+    begin = saved = said = time.perf_counter()
+    before, first = run.log.seconds, run.log.episodes
+    while run.log.episodes < wanted:
+        count = min(run.learner.episodes_at_once, wanted - run.log.episodes)
+        numbers = range(run.log.episodes, run.log.episodes + count)
+        try:
+            played, loss = run.learner.improve(numbers)
+        except DivergedError as error:
+            raise RequestError(
+                f"training of '{name}' diverged at episode {numbers[0]} ({error}); the best weights so far are "
+                f"kept, go on with --resume or lower the rate."
+            ) from None
+        run.log.add(played, loss, run.course)
+        now = time.perf_counter()
+        run.log.seconds = before + now - begin
+        validated = numbers[0] // VALIDATE_EVERY != run.log.episodes // VALIDATE_EVERY
+        if validated or run.log.episodes >= wanted:
+            run.validate()
+            say(_validation_line(run))
+        if validated or now - saved > SAVE_SECONDS:
+            run.save()
+            saved = now
+        if now - said > SAY_SECONDS:
+            left = (now - begin) / (run.log.episodes - first) * (wanted - run.log.episodes)
+            say(_progress_line(run, left))
+            said = now
+    run.save()
+    run.write_curve()
+    return run.best_path
+
+
+def _progress_line(run: Training, left: float) -> str:
+    log = run.log
+    row = log.row() if log.pending[0] else log.curve[-1]
+    _, _, _, reward, time_, efficiency, error, _ = row
+    return (
+        f"{run.name} seed {run.seed}: episode {log.episodes}, reward {reward:.3f}, T {time_:.0f}, η {efficiency:.3f}, "
+        f"e {error:.3f}, {run.learner.exploration()}, {log.steps / max(log.seconds, 1e-9):.0f} steps/s, "
+        f"{left / 60:.1f} min left"
+    )
+
+
+def _validation_line(run: Training) -> str:
+    episodes, objective, time_, efficiency, error = run.log.validations[-1]
+    best = min(row[1] for row in run.log.validations)
+    mark = " (best)" if math.isclose(best, objective) else ""
+    return (
+        f"{run.name} seed {run.seed}: validation after {episodes:.0f} episodes: T {time_:.1f}, η {efficiency:.3f}, "
+        f"e {error:.3f}, mean log e − log η {objective:.3f}{mark}"
+    )
