@@ -34,8 +34,12 @@ def _weights() -> dict[str, dict[int, str]]:
 
 
 _PAPER, _SHIPPED = _published(), _weights()
-_BOTH, _TABLE2, _TABLE3, _LAYERS = ("table2", "table3"), ("table2",), ("table3",), ("layers",)
-_STNN, _GCN, _TRAINER = "baselines.learned.graph_stnn:strategy", "baselines.learned.gcn:strategy", "baselines.training.train:train"
+_TABLE2, _TABLE3, _LAYERS = ("table2",), ("table3",), ("layers",)
+_STNN, _GCN, _TRAINER = (
+    "baselines.learned.graph_stnn:strategy",
+    "baselines.learned.gcn:strategy",
+    "baselines.training.train:train",
+)
 
 STRATEGIES: dict[str, Entry] = {}
 
@@ -48,11 +52,18 @@ def _learned(name: str, factory: str, label: str, color: str, tables: tuple[str,
     _add(name, factory, label, color, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
 
 
-_learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_BOTH, *_LAYERS))
+_learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_TABLE2, *_TABLE3, *_LAYERS))
+_learned("graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", "#ff7f0e", _TABLE2)
 _learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", "#ff9896", _LAYERS, parameters={"layers": 1})
 _learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", "#98df8a", _LAYERS, parameters={"layers": 3})
 _learned(
-    "gcn-no-obs", _GCN, "GCN-no_obs", "#6baed6", _TABLE2, parameters={"obstacles": False}, training={"obstacle_count": 0}
+    "gcn-no-obs",
+    _GCN,
+    "GCN-no_obs",
+    "#6baed6",
+    _TABLE2,
+    parameters={"obstacles": False},
+    training={"obstacle_count": 0},
 )
 _learned("gcn-obs", _GCN, "GCN-obs", "#1f77b4", _TABLE2)
 _learned("gcn-obs-blind", _GCN, "GCN-obs, blind", "#393b79", _TABLE2, parameters={"obstacles": False})
@@ -65,8 +76,8 @@ for _name, _color, _off in (
     ("no-spatial-temporal", "#aec7e8", ("spatial", "temporal")),
 ):
     _learned(_name, _STNN, f"no {' and '.join(_off)}", _color, _TABLE3, parameters=dict.fromkeys(_off, False))
-_add("entropy", "baselines.entropy:Entropy", "Entropy", "#e69f00", _BOTH)
-_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", "#009e73", _BOTH)
-_add("random", "baselines.random_walk:Random", "Random", "#7f7f7f", _BOTH)
-_add("nearest", "baselines.nearest:Nearest", "Nearest", "#b07aa1", _BOTH)
-_add("clairvoyant", "baselines.clairvoyant:Clairvoyant", "Clairvoyant", "#000000", _BOTH, reference=True)
+_add("entropy", "baselines.entropy:Entropy", "Entropy", "#e69f00", _TABLE2)
+_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", "#009e73", _TABLE2)
+_add("random", "baselines.random_walk:Random", "Random", "#7f7f7f", _TABLE2)
+_add("nearest", "baselines.nearest:Nearest", "Nearest", "#b07aa1", _TABLE2)
+_add("clairvoyant", "baselines.clairvoyant:Clairvoyant", "Clairvoyant", "#000000", _TABLE2, reference=True)

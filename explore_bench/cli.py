@@ -229,7 +229,9 @@ def demo(
 
 @cli.command()
 @click.argument("name")
-@click.option("--seed", type=click.IntRange(0, 99_999), default=0, show_default=True, metavar="S", help="Training seed.")
+@click.option(
+    "--seed", type=click.IntRange(0, 99_999), default=0, show_default=True, metavar="S", help="Training seed."
+)
 @click.option("--episodes", type=click.IntRange(1), metavar="N", help="Episodes in all (default: the strategy's own).")
 @click.option("--resume", is_flag=True, help="Go on from the last checkpoint, where there is one.")
 @click.option(

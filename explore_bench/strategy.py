@@ -124,7 +124,6 @@ class Entry:
         except TypeError as error:
             raise ValueError(f"parameters of '{self.label}' must be plain numbers, texts and lists ({error})") from None
 
-
     @property
     def ready(self) -> bool:
         """Whether it can run: a learned strategy needs weights."""

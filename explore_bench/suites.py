@@ -41,6 +41,7 @@ class Suite:
 
 
 TABLE2 = ("table2", (20.0, 40.0))
+BETWEEN = ("table2", (30.0,))  # the paper prints no such column; the generalization asks for it
 TABLE3 = ("table3", (20.0, 30.0, 40.0))
 LAYERS = ("layers", (20.0,))
 
@@ -49,7 +50,7 @@ SUITES: dict[str, Suite] = {
     "table2": Suite("Table 2, Figures 10 and 11: the compared methods at 20 and 40 m", (TABLE2,)),
     "table3": Suite("Table 3, Figures 13 to 15: the ablations at 20, 30 and 40 m", (TABLE3,)),
     "layers": Suite("Figure 8: Graph-STNN with 1, 2 and 3 GCN layers at 20 m", (LAYERS,)),
-    "paper": Suite("all of the paper: table2, table3 and layers", (TABLE2, TABLE3, LAYERS)),
+    "paper": Suite("all of the paper: table2 (also at 30 m), table3 and layers", (TABLE2, BETWEEN, TABLE3, LAYERS)),
 }
 
 

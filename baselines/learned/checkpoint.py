@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -86,7 +85,7 @@ def save_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: dict[str, 
             save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, half, metadata)
         except SafetensorError as error:
             raise OSError(str(error)) from None
-        os.replace(half, path)
+        half.replace(path)
 
 
 def load_tensors(path: Path) -> dict[str, Tensor]:
@@ -131,7 +130,7 @@ def save_json(path: Path, values: Mapping[str, Any]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         half = path.with_name(path.name + ".part")
         half.write_text(json.dumps(values, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        os.replace(half, path)
+        half.replace(path)
 
 
 def load_json(path: Path) -> dict[str, Any]:

@@ -35,7 +35,9 @@ class GCN(nn.Module):
         self.second = GraphConvolution(CHANNELS, CHANNELS, bias=True)
         self.value = nn.Linear(CHANNELS, 1)
 
-    def graph(self, observation: Observation) -> ExplorationGraph:
+    collate = staticmethod(GraphBatch.of)
+
+    def read(self, observation: Observation) -> ExplorationGraph:
         """Build what the network reads of an observation."""
         return exploration_graph(observation, self.columns, self.switches["obstacles"], weighted=True)
 

@@ -60,7 +60,9 @@ class GraphSTNN(nn.Module):
         self.noisy = NoisyLinear(self.inputs, HEAD_CHANNELS)
         self.value = nn.Linear(HEAD_CHANNELS, 1)
 
-    def graph(self, observation: Observation) -> ExplorationGraph:
+    collate = staticmethod(GraphBatch.of)
+
+    def read(self, observation: Observation) -> ExplorationGraph:
         """Build what the network reads of an observation."""
         return exploration_graph(observation, self.columns)
 

@@ -10,8 +10,6 @@ import torch
 from torch import Tensor
 
 from baselines.learned.checkpoint import load_weights
-from baselines.learned.graph import ExplorationGraph
-from baselines.learned.layers import GraphBatch
 from explore_bench import Observation
 
 
@@ -21,13 +19,16 @@ class Network(Protocol):
     columns: tuple[str, ...]
     switches: dict[str, Any]
 
-    def graph(self, observation: Observation) -> ExplorationGraph:
+    def read(self, observation: Observation) -> Any:
         """Build what the network reads of an observation."""
+
+    def collate(self, items: Sequence[Any]) -> Any:
+        """Pad what was read of several observations into a batch."""
 
     def start(self, count: int) -> Tensor:
         """Hidden state at the beginning of `count` episodes; its second axis is the episodes."""
 
-    def __call__(self, batch: GraphBatch, hidden: Tensor, noise: Any = None) -> tuple[Tensor, Tensor]:
+    def __call__(self, batch: Any, hidden: Tensor, noise: Any = None) -> tuple[Tensor, Tensor]:
         """Values of the candidates (B, C), −∞ where padded, and the next hidden state."""
 
 
@@ -60,5 +61,5 @@ def evaluate(
     network: Network, observations: Sequence[Observation], hidden: Tensor, noise: Any = None
 ) -> tuple[Tensor, Tensor]:
     """Values of the candidates of several episodes' observations, shape (B, C), and the next hidden state."""
-    batch = GraphBatch.of([network.graph(observation) for observation in observations])
+    batch = network.collate([network.read(observation) for observation in observations])
     return network(batch, hidden, noise)

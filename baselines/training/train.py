@@ -16,7 +16,10 @@ import torch
 from baselines.learned.checkpoint import describe, load_state, save_state, save_weights
 from baselines.learned.policy import evaluate
 from baselines.training.episodes import Course, Episode, play
-from baselines.training.learner import DivergedError, Replay, ReplayLearner, Returns, ReturnsLearner
+from baselines.training.learner import DivergedError, Learner
+from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGradientSettings
+from baselines.training.replay import ReplayLearner, ReplaySettings
+from baselines.training.returns import ReturnsLearner, ReturnsSettings
 from explore_bench import Entry, Observation, RequestError
 from explore_bench.errors import writing
 from explore_bench.provenance import installed_version, scenario_digest
@@ -50,14 +53,17 @@ class Recipe:
     """
 
     network: str
-    learner: type
-    settings: Returns | Replay
+    learner: type[Learner]
+    settings: ReturnsSettings | ReplaySettings | PolicyGradientSettings
     episodes: int
 
 
 RECIPES: dict[str, Recipe] = {
-    "baselines.learned.graph_stnn": Recipe("GraphSTNN", ReturnsLearner, Returns(), 6000),
-    "baselines.learned.gcn": Recipe("GCN", ReplayLearner, Replay(), 6000),
+    "baselines.learned.graph_stnn": Recipe("GraphSTNN", ReturnsLearner, ReturnsSettings(), 6000),
+    "baselines.learned.graph_stnn_plus": Recipe(
+        "GraphSTNNPlus", PolicyGradientLearner, PolicyGradientSettings(), 20_000
+    ),
+    "baselines.learned.gcn": Recipe("GCN", ReplayLearner, ReplaySettings(), 6000),
 }
 """By the module of a strategy's factory."""
 

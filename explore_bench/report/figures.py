@@ -15,11 +15,12 @@ from explore_bench.metrics import CURVES, curve, finished
 from explore_bench.records import Store, TrialRecord
 from explore_bench.registry import strategies
 from explore_bench.report.scene import draw_scene, scene_legend
-from explore_bench.report.style import entry_of, save, styled
+from explore_bench.report.style import entry_of, save_all, styled
 from explore_bench.seeding import stream
 from explore_bench.statistics import CONFIDENCE
 
 CURVE_FIGURES = {
+    "figure-08": ("layers", 20.0),
     "figure-10": ("table2", 20.0),
     "figure-11": ("table2", 40.0),
     "figure-13": ("table3", 20.0),
@@ -28,7 +29,8 @@ CURVE_FIGURES = {
 }
 """Figure → table and size [m] of its strategies."""
 
-SUFFIXES = (".svg", ".png")
+PRINTED = ("table2", "table3")
+"""Tables whose numbers the paper prints."""
 
 EXAMPLE_TRIAL = 0
 """World of the example trials (a): the first, not a chosen one."""
@@ -41,39 +43,26 @@ Groups = dict[str, list[TrialRecord]]
 def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) -> list[Path]:
     """Draw every figure for which there are trials; returns the files written.
 
-    A figure is drawn where a strategy that its table in the paper prints, or a plugin given by its file or factory,
-    has trials of its size; strategies without trials are left out of it.
+    A figure is drawn where a strategy that the paper shows in it, or a plugin given by its file or factory, has trials
+    of its size; strategies without trials are left out of it.
     """
     written: list[Path] = []
-    for name in ("figure-06", *(f"{figure}{part}" for figure in CURVE_FIGURES for part in "ab")):
-        for suffix in SUFFIXES:  # what is not drawn now is stale
-            (folder / f"{name}{suffix}").unlink(missing_ok=True)
     with styled():
         for name, (table, size) in CURVE_FIGURES.items():
             groups = _groups(records, table, size)
-            if not any(_belongs(strategy, table, size) for strategy in groups):
-                continue
-            for part, figure in (("a", _examples(store, groups)), ("b", _curves(groups, size))):
-                if figure is not None:
-                    written += _write(figure, folder / f"{name}{part}")
-        example = _figure_6(store, records)
-        if example is not None:
-            written += _write(example, folder / "figure-06")
+            shown = any(_belongs(strategy, table, size) for strategy in groups)
+            written += save_all(_examples(store, groups) if shown else None, folder / f"{name}a")
+            written += save_all(_curves(groups, size) if shown else None, folder / f"{name}b")
+        written += save_all(_figure_6(store, records), folder / "figure-06")
     return written
 
 
-def _write(figure: Figure, stem: Path) -> list[Path]:
-    files = [stem.with_suffix(suffix) for suffix in SUFFIXES]
-    for file in files:
-        save(figure, file)
-    plt.close(figure)
-    return files
-
-
 def _belongs(strategy: str, table: str, size: float) -> bool:
-    """Whether the paper's table prints this strategy, or it is a plugin given by its file or factory."""
+    """Whether the paper's figure shows this strategy, or it is a plugin given by its file or factory."""
     entry = strategies().get(strategy)
-    return entry is None or any(t == table and s == size for t, s, _ in entry.published)
+    if entry is None or table not in PRINTED:
+        return True
+    return any(t == table and s == size for t, s, _ in entry.published)
 
 
 def _groups(records: Sequence[TrialRecord], table: str, size: float) -> Groups:
@@ -98,7 +87,7 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
     shown = {
         name: record
         for name, own in groups.items()
-        for record in own
+        for record in reversed(own)  # of several training seeds the first
         if record.spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1
     }
     if not shown:
@@ -142,8 +131,7 @@ def _curves(groups: Groups, size: float) -> Figure:
     for column, (name, (title, unit)) in enumerate(CURVES.items()):
         axes = grid[0, column]
         for strategy, own in groups.items():
-            values = np.array([curve(record, name, length) for record in own])
-            _band(axes, step, values, strategy, own[0].spec.root)
+            _band(axes, step, _by_world(own, name, length), strategy, own[0].spec.root)
         axes.set_title(title)
         axes.set_ylabel(f"[{unit}]" if unit != "1" else "known share")
         if name == "explored":
@@ -153,16 +141,28 @@ def _curves(groups: Groups, size: float) -> Figure:
             axes.set_ylim(0, 1.1 * max((value for value in early if math.isfinite(value)), default=1.0))
         below = grid[1, column]
         for strategy, values in ends.items():
-            running = (values[:, None] > step).sum(axis=0)
+            running = (values[:, None] > step).mean(axis=0) * _worlds(groups[strategy])
             below.step(step, running, color=entry_of(strategy).color, linewidth=1.0, where="post")
         below.set(xlabel="step", xlim=(0, length - 1))
         below.set_ylim(bottom=0)
     grid[1, 0].set_ylabel("running")
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(groups)))
-    worlds = max(len(own) for own in groups.values())
+    worlds = max(_worlds(own) for own in groups.values())
     figure.suptitle(f"{size:g} m × {size:g} m, {worlds} worlds, mean and {CONFIDENCE:.0%} bootstrap band", fontsize=10)
     return figure
+
+
+def _worlds(records: Sequence[TrialRecord]) -> int:
+    return len({record.spec.trial for record in records})
+
+
+def _by_world(records: Sequence[TrialRecord], name: str, length: int) -> np.ndarray:
+    """Curves of a strategy, averaged over its training seeds within a world first, shape (worlds, length)."""
+    worlds: dict[int, list[np.ndarray]] = {}
+    for record in records:
+        worlds.setdefault(record.spec.trial, []).append(curve(record, name, length))
+    return np.array([np.mean(own, axis=0) for own in worlds.values()])
 
 
 def _duration(record: TrialRecord) -> int:
@@ -171,7 +171,7 @@ def _duration(record: TrialRecord) -> int:
 
 
 def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root: int) -> None:
-    """Draw the mean over trials of values, shape (trials, steps), and its pointwise bootstrap band."""
+    """Draw the mean over worlds of values, shape (worlds, steps), and its pointwise bootstrap band."""
     entry = entry_of(strategy)
     count = len(values)
     rng = stream("evaluate", root, 0, 0, "statistics")

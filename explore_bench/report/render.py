@@ -9,6 +9,7 @@ from explore_bench.errors import RequestError, writing
 from explore_bench.records import Store
 from explore_bench.report.figures import write_figures
 from explore_bench.report.tables import write_tables
+from explore_bench.report.training import write_training_figures
 from explore_bench.results import summary_table, trial_table
 
 
@@ -41,4 +42,5 @@ def write_report(folder: Path) -> Report:
         files = [folder / "trials.csv", folder / "summary.csv"]
         files += write_tables(trials, summary, folder / "tables")
         files += write_figures(store, records, folder / "figures")
+        files += write_training_figures(folder / "figures")
     return Report(tuple(files), len(records), stale)

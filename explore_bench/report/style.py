@@ -49,6 +49,20 @@ def entry_of(name: str) -> Entry:
     return strategies().get(name) or plugin_entry(f"unknown:{name}" if name.isidentifier() else "unknown:x", name)
 
 
+def save_all(figure: Figure | None, stem: Path) -> list[Path]:
+    """Write a figure as SVG and PNG and return the files; without one, remove what an earlier report left."""
+    files = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
+    for file in files:
+        if figure is None:
+            file.unlink(missing_ok=True)
+        else:
+            save(figure, file)
+    if figure is None:
+        return []
+    plt.close(figure)
+    return files
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a figure to a file of the kind that its suffix names, without a date.
 

@@ -1,0 +1,212 @@
+"""What `graph-stnn-plus` sees of an observation: each candidate and the state, in numbers that matter for e and η.
+
+Beside what the exploration graph tells of a frontier this says how long the way there is, what it would reveal, how
+large the unknown region behind it is, and what the belief would become: `explore_bench.slam.predict` along the path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from explore_bench import Observation
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, cells_in_reach, wrap_angle
+from explore_bench.slam import predict
+
+CANDIDATE_COLUMNS = (
+    "length",  # of the path [10 m]
+    "excess_length",  # beyond the shortest path [10 m]
+    "steps",  # to drive it, turns included [10 steps]
+    "turn",  # angle from the heading to the path's first waypoint, magnitude [π rad]
+    "revealed",  # unknown cells within range of the path [10 cells]
+    "revealed_at_end",  # unknown cells within range of the candidate [10 cells]
+    "revealed_a_step",  # unknown cells within range of the path, a step
+    "finishing",  # share of the cells still to be explored that the path reveals, at most 1
+    "region",  # cells of the unknown regions that it reveals a part of [share of the map]
+    "region_closed",  # share of those regions that it reveals
+    "pocket",  # whether what is left of one of those regions would be small, exp(−cells left / 5)
+    "edge",  # distance from the candidate to the edge of the map [10 m]
+    "reduction",  # of U along the path [10 m²]
+    "reduction_a_step",  # the same, a step [m²]
+    "sigma",  # sqrt(tr Σ) of the robot there [m]
+    "peak",  # log of the largest sqrt(tr Σ) of the trajectory then over now
+    "sightings",  # landmarks sighted on the way, log(1 + n)
+)
+STATE_COLUMNS = (
+    "explored",  # known share of the map
+    "remaining",  # cells still to be explored [10 cells], at most 10
+    "uncertainty",  # U / U₀
+    "sigma",  # sqrt(tr Σ) of the robot [m]
+    "peak",  # log of the largest sqrt(tr Σ) of the trajectory [m]
+    "slack",  # log of that over the robot's own
+    "landmarks",  # seen, a hundred cells
+    "time",  # steps so far per cell of the map
+    "candidates",  # number of them [10]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateSet:
+    """Features of the candidates (C, CANDIDATE_COLUMNS) and of the state (STATE_COLUMNS,)."""
+
+    candidates: NDArray[np.float32]
+    state: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateBatch:
+    """Sets padded to one size: features (B, C, F) and (B, G), and which candidates are there (B, C)."""
+
+    candidates: Tensor
+    state: Tensor
+    choices: Tensor
+
+    @classmethod
+    def of(cls, sets: Sequence[CandidateSet]) -> CandidateBatch:
+        """Pad sets into a batch."""
+        width = max(len(one.candidates) for one in sets)
+        candidates = np.zeros((len(sets), width, len(CANDIDATE_COLUMNS)), dtype=np.float32)
+        choices = np.zeros((len(sets), width), dtype=bool)
+        for i, one in enumerate(sets):
+            candidates[i, : len(one.candidates)] = one.candidates
+            choices[i, : len(one.candidates)] = True
+        state = np.stack([one.state for one in sets])
+        return cls(torch.from_numpy(candidates), torch.from_numpy(state), torch.from_numpy(choices))
+
+
+def candidate_set(observation: Observation) -> CandidateSet:
+    """Compute the features of an observation; a prediction along every path makes most of the cost."""
+    belief, scenario = observation.belief, observation.scenario
+    n, cell_size, reach = scenario.cells, scenario.cell_size, scenario.sensor_range
+    x, y, heading = observation.pose
+    target = math.ceil(scenario.coverage * scenario.cell_count - 1e-9)
+    remaining = max(target - int(belief.known.sum()), 1)
+    regions, sizes = _regions(belief.known)
+    peak = _peak(belief.pose_covariances)
+    rows = np.empty((len(observation.candidates), len(CANDIDATE_COLUMNS)), dtype=np.float32)
+    shortest = observation.path_lengths.min()
+    for i, path in enumerate(observation.paths):
+        prediction = predict(belief, path)
+        steps = max(len(prediction.poses), 1)
+        revealed, at_end, region, closed, pocket = _revealed(path, belief.known, regions, sizes, cell_size, reach)
+        first = path[1] if len(path) > 1 else path[0]
+        angle = math.atan2((first // n + 0.5) * cell_size - y, (first % n + 0.5) * cell_size - x)
+        px, py = observation.positions[i]
+        covariances = prediction.pose_covariances
+        reduction = belief.uncertainty - prediction.uncertainty
+        rows[i] = (
+            observation.path_lengths[i] / 10.0,
+            (observation.path_lengths[i] - shortest) / 10.0,
+            steps / 10.0,
+            abs(wrap_angle(angle - heading)) / math.pi,
+            revealed / 10.0,
+            at_end / 10.0,
+            revealed / steps,
+            min(revealed / remaining, 1.0),
+            region / scenario.cell_count,
+            closed,
+            pocket,
+            min(px, py, scenario.size - px, scenario.size - py) / 10.0,
+            reduction / 10.0,
+            reduction / steps,
+            math.sqrt(np.trace(covariances[-1])),
+            0.5 * math.log(_peak(covariances) / peak),
+            math.log1p(prediction.sightings),
+        )
+    own = float(np.trace(belief.pose_covariances[-1]))
+    state = (
+        belief.explored,
+        min(remaining / 10.0, 10.0),
+        belief.uncertainty / scenario.prior_uncertainty,
+        math.sqrt(own),
+        0.5 * math.log(peak),
+        0.5 * math.log(peak / own),
+        100.0 * len(belief.landmarks) / scenario.cell_count,
+        observation.step / scenario.cell_count,
+        len(rows) / 10.0,
+    )
+    return CandidateSet(rows, np.array(state, dtype=np.float32))
+
+
+@jit
+def _peak(covariances: Array) -> float:
+    """Largest trace of the trajectory's covariances."""
+    best = 0.0
+    for i in range(covariances.shape[0]):
+        best = max(best, covariances[i, 0, 0] + covariances[i, 1, 1] + covariances[i, 2, 2])
+    return best
+
+
+@jit
+def _regions(known: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Label of the 8-connected unknown region of every cell, shape (n²,), −1 where known, and their sizes."""
+    n = known.shape[0]
+    labels = np.full(n * n, -1, dtype=np.int64)
+    sizes = np.zeros(n * n, dtype=np.int64)
+    stack = np.empty(n * n, dtype=np.int64)
+    count = 0
+    for start in range(n * n):
+        if known[start // n, start % n] or labels[start] >= 0:
+            continue
+        labels[start] = count
+        stack[0], height = start, 1
+        while height > 0:
+            height -= 1
+            cell = stack[height]
+            sizes[count] += 1
+            for row in range(max(cell // n - 1, 0), min(cell // n + 2, n)):
+                for column in range(max(cell % n - 1, 0), min(cell % n + 2, n)):
+                    to = row * n + column
+                    if labels[to] < 0 and not known[row, column]:
+                        labels[to] = count
+                        stack[height] = to
+                        height += 1
+        count += 1
+    return labels, sizes[:count].copy()
+
+
+@jit
+def _revealed(
+    path: NDArray[np.int64],
+    known: NDArray[np.bool_],
+    regions: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    cell_size: float,
+    reach: float,
+) -> tuple[int, int, int, float, float]:
+    """Unknown cells within range of a path and of its end; of their regions the size, share revealed, and pockets."""
+    n = known.shape[0]
+    mark = np.zeros(n * n, dtype=np.bool_)
+    taken = np.zeros(sizes.shape[0], dtype=np.int64)
+    revealed, at_end = 0, 0
+    for k in range(path.shape[0]):
+        x, y = (path[k] % n + 0.5) * cell_size, (path[k] // n + 0.5) * cell_size
+        row0, row1 = cells_in_reach(y, reach, n, cell_size)
+        column0, column1 = cells_in_reach(x, reach, n, cell_size)
+        for row in range(row0, row1 + 1):
+            for column in range(column0, column1 + 1):
+                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
+                cell = row * n + column
+                if known[row, column] or dx * dx + dy * dy > reach * reach:
+                    continue
+                if k == path.shape[0] - 1:
+                    at_end += 1
+                if not mark[cell]:
+                    mark[cell] = True
+                    revealed += 1
+                    taken[regions[cell]] += 1
+    region, pocket = 0, 0.0
+    for label in range(sizes.shape[0]):
+        if taken[label] > 0:
+            region += sizes[label]
+            left = sizes[label] - taken[label]
+            if left > 0:
+                pocket = max(pocket, np.exp(-left / 5.0))
+    return revealed, at_end, region, revealed / max(region, 1), pocket

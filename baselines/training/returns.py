@@ -1,0 +1,118 @@
+"""Learning from returns to the end of the episode (§3.4): how Graph-STNN learns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from baselines.learned.policy import evaluate
+from baselines.training.episodes import Course, Episode, play
+from baselines.training.learner import descend, optimizer_tensors, part, restore_optimizer, set_rate, with_prefix
+from explore_bench import Observation
+
+
+@dataclass(frozen=True)
+class ReturnsSettings:
+    """Hyper-parameters of learning from returns (Eq. 21–23).
+
+    Attributes
+    ----------
+    episodes_per_update : episodes whose losses are averaged for one gradient step; the paper has 1.
+    rate : α of Eq. 22, the step size of Adam; it falls linearly to `final_rate` over `decay` episodes.
+    discount : γ.
+    dropout, final_dropout : share of channels dropped, falling linearly over `decay` episodes.
+    decay : episodes over which the rates fall.
+    clip : largest norm of a gradient.
+    """
+
+    episodes_per_update: int = 8
+    rate: float = 1e-3
+    final_rate: float = 1e-4
+    discount: float = 0.9
+    dropout: float = 0.2
+    final_dropout: float = 0.0
+    decay: int = 10_000
+    clip: float = 5.0
+
+
+class ReturnsLearner:
+    """NoisyNet deep Q learning with returns to the end of the episode (Eq. 23): nothing is bootstrapped.
+
+    The noise ζ and the dropout masks are drawn once an episode. The values that chose the actions are those that
+    the loss compares with the returns: one pass of the network serves both.
+    """
+
+    def __init__(self, network: nn.Module, course: Course, settings: ReturnsSettings) -> None:
+        self.network, self.course, self.settings = network, course, settings
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
+        self.episodes_at_once = settings.episodes_per_update
+        self._rate = settings.dropout
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All that learning goes on from, but for `counters`."""
+        return with_prefix("network.", self.network.state_dict()) | optimizer_tensors(self.optimizer)
+
+    def counters(self) -> dict[str, int]:
+        """Return nothing: what changes with time follows from the number of the episode."""
+        return {}
+
+    def restore(self, tensors: dict[str, Tensor], counters: dict[str, int]) -> None:
+        """Go on from what `tensors` and `counters` gave."""
+        self.network.load_state_dict(part(tensors, "network."))
+        restore_optimizer(self.optimizer, tensors)
+
+    def exploration(self) -> str:
+        """How much the network explores, in words."""
+        sigma = float(self.network.noisy.sigma_weight.detach().abs().mean())
+        return f"noise σ {sigma:.4f}, dropout {self._rate:.2f}"
+
+    def improve(self, numbers: Sequence[int]) -> tuple[list[Episode], float]:
+        """Play these episodes, take one gradient step and return them with the loss.
+
+        Raises
+        ------
+        DivergedError : when the loss is not finite; the weights are as before.
+        """
+        settings, network = self.settings, self.network
+        progress = min(numbers[0] / settings.decay, 1.0)
+        rate = settings.dropout + progress * (settings.final_dropout - settings.dropout)
+        self._rate = rate
+        rngs = [self.course.generator(number, "learning") for number in numbers]
+        noise = network.noise(rngs, rate)
+        hidden = network.start(len(numbers))
+        chosen: list[list[Tensor]] = [[] for _ in numbers]
+
+        def act(waiting: list[int], observations: list[Observation]) -> list[int]:
+            nonlocal hidden
+            values, after = evaluate(network, observations, hidden[:, waiting], noise[waiting])
+            hidden = hidden.index_copy(1, torch.tensor(waiting), after)
+            best = values.max(dim=1)
+            for row, i in enumerate(waiting):
+                chosen[i].append(best.values[row])
+            return best.indices.tolist()
+
+        network.train()
+        episodes = play(self.course, numbers, act)
+        losses = []
+        for values, episode in zip(chosen, episodes, strict=True):
+            if values:
+                wanted = torch.tensor(returns(episode.rewards, settings.discount), dtype=torch.float32)
+                losses.append(0.5 * (torch.stack(values) - wanted).square().mean())
+        loss = torch.stack(losses).mean()
+        set_rate(self.optimizer, settings.rate + progress * (settings.final_rate - settings.rate))
+        descend(loss, network, self.optimizer, settings.clip)
+        return episodes, float(loss.detach())
+
+
+def returns(rewards: Sequence[float], discount: float) -> np.ndarray:
+    """Discounted sum of the rewards from each decision to the end of the episode, Σ_j γ^(j−i) r_j (Eq. 23)."""
+    sums = np.zeros(len(rewards))
+    total = 0.0
+    for i in range(len(rewards) - 1, -1, -1):
+        total = rewards[i] + discount * total
+        sums[i] = total
+    return sums

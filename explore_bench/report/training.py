@@ -1,0 +1,75 @@
+"""The paper's training figures from the curves that are stored beside the weights."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from explore_bench.registry import strategies
+from explore_bench.report.style import save_all, styled
+from explore_bench.results import read_csv
+from explore_bench.strategy import Entry
+
+TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "table3"}
+"""Figure → the table whose learned strategies it shows."""
+
+CURVE_COLUMNS = ("steps", "episodes", "decisions", "reward", "time", "efficiency", "error", "loss")
+"""Columns of NAME-SEED.curve.csv; a row averages over 10,000 simulated steps."""
+
+PANELS = {"reward": "reward a decision (Eq. 24)", "efficiency": "η [m²/step]", "error": "e [m]"}
+
+
+def write_training_figures(folder: Path) -> list[Path]:
+    """Draw the training of every learned strategy that ships with a curve; returns the files written."""
+    written: list[Path] = []
+    with styled():
+        for name, table in TRAINING_FIGURES.items():
+            curves = {
+                key: own for key, entry in strategies().items() if table in entry.tables and (own := _curves(entry))
+            }
+            written += save_all(_figure(curves) if curves else None, folder / name)
+    return written
+
+
+def _curves(entry: Entry) -> list[pd.DataFrame]:
+    """Curve of every training seed."""
+    files = [Path(weights).with_suffix(".curve.csv") for weights in entry.weights.values()]
+    return [read_csv(file, CURVE_COLUMNS) for file in files if file.is_file()]
+
+
+def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
+    figure, grid = plt.subplots(1, len(PANELS), figsize=(11.5, 3.6))
+    for axes, (column, label) in zip(grid, PANELS.items(), strict=True):
+        for name, own in curves.items():
+            entry = strategies()[name]
+            steps, values = on_one_axis(own, column)
+            seeds = f" ({len(own)} seeds)" if len(own) > 1 else ""
+            axes.plot(steps, np.nanmean(values, axis=0), color=entry.color, linewidth=1.2, label=entry.label + seeds)
+            if len(own) > 1:
+                axes.fill_between(
+                    steps, np.nanmin(values, axis=0), np.nanmax(values, axis=0), color=entry.color, alpha=0.15, lw=0
+                )
+        axes.set(xlabel="simulated steps", title=label)
+        axes.set_xlim(left=0)
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))
+    figure.suptitle("Training, means over 10,000 steps; bands: lowest to highest of the training seeds", fontsize=10)
+    return figure
+
+
+def on_one_axis(curves: list[pd.DataFrame], column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Curves of several seeds at common numbers of steps.
+
+    Returns
+    -------
+    Steps, shape (K,), up to where the shortest curve ends, and values, shape (seeds, K).
+    """
+    end = min(float(curve["steps"].iloc[-1]) for curve in curves)
+    steps = np.linspace(0.0, end, max(math.ceil(end / 10_000), 2))[1:]
+    values = [np.interp(steps, curve["steps"], curve[column]) for curve in curves]
+    return steps, np.array(values)

@@ -1,0 +1,36 @@
+"""Random exploration graphs and candidate sets that tests of networks and learners share; nothing here is a test."""
+
+import numpy as np
+
+from baselines.learned.candidates import CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateSet
+from baselines.learned.graph import ExplorationGraph
+
+
+def random_graph(rng, trajectory=None, others=None, candidates=None, columns=5, weighted=False):
+    """Return a graph of random features and edges; sizes that are not given are drawn."""
+    trajectory = trajectory or int(rng.integers(1, 12))
+    others = int(rng.integers(0, 8)) if others is None else others
+    candidates = candidates or int(rng.integers(1, 8))
+    count = trajectory + others + candidates
+    upper = np.triu(rng.random((count, count)) < 0.3, 1).astype(float)
+    if weighted:
+        upper *= rng.uniform(0.5, 10.0, upper.shape)
+    features = rng.normal(size=(count, columns)).astype(np.float32)
+    return ExplorationGraph(features, (upper + upper.T).astype(np.float32), trajectory, candidates)
+
+
+def random_set(rng, candidates=None):
+    """Return a set of candidates with random features."""
+    count = candidates or int(rng.integers(1, 8))
+    rows = rng.normal(size=(count, len(CANDIDATE_COLUMNS))).astype(np.float32)
+    return CandidateSet(rows, rng.normal(size=len(STATE_COLUMNS)).astype(np.float32))
+
+
+def reordered(graph, order):
+    """Return a graph with its nodes in another order."""
+    return ExplorationGraph(graph.features[order], graph.adjacency[np.ix_(order, order)], *counts(graph))
+
+
+def counts(graph):
+    """Return the numbers of trajectory nodes and of candidates."""
+    return graph.trajectory, graph.candidates
