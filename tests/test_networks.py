@@ -305,7 +305,7 @@ def test_the_state_that_all_candidates_share_can_change_the_choice(of):
         if of == "hidden":
             hidden = torch.from_numpy(rng.uniform(-1, 1, (2, 1, CHANNELS))).float()
         else:
-            graph.features[:5] = 2.0 * rng.normal(size=(5, 5))
+            graph.features[:5] = 6.0 * rng.normal(size=(5, 5))
         choices.add(int(values_of(network, [graph], hidden)[0].argmax()))
     assert len(choices) > 1
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -105,6 +105,6 @@ class GraphSTNN(nn.Module):
         return Noise.draw(rngs, self.inputs, HEAD_CHANNELS, rate)
 
 
-def strategy(weights: str, **switches: bool | int | str) -> Policy:
+def strategy(weights: str, **switches: Any) -> Policy:
     """Graph-STNN with trained weights; the switches are those of `GraphSTNN`."""
     return Policy(GraphSTNN(**switches), weights)

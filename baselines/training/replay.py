@@ -7,10 +7,11 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from baselines.learned.graph import ExplorationGraph
 from baselines.training.episodes import Course, Episode, play
@@ -66,7 +67,7 @@ class Transition:
 class ReplayLearner:
     """Deep Q learning with replay as in [8]: explores by dropout in the acting network, bootstraps from a target."""
 
-    def __init__(self, network: nn.Module, course: Course, settings: ReplaySettings) -> None:
+    def __init__(self, network: Any, course: Course, settings: ReplaySettings) -> None:
         self.network, self.course, self.settings = network, course, settings
         self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
         self.target = copy.deepcopy(network).requires_grad_(False)

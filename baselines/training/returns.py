@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from baselines.learned.policy import evaluate
 from baselines.training.episodes import Course, Episode, play
@@ -30,12 +31,12 @@ class ReturnsSettings:
     """
 
     episodes_per_update: int = 8
-    rate: float = 1e-3
-    final_rate: float = 1e-4
+    rate: float = 4e-3
+    final_rate: float = 3e-4
     discount: float = 0.9
     dropout: float = 0.2
     final_dropout: float = 0.0
-    decay: int = 10_000
+    decay: int = 8_000
     clip: float = 5.0
 
 
@@ -46,7 +47,7 @@ class ReturnsLearner:
     the loss compares with the returns: one pass of the network serves both.
     """
 
-    def __init__(self, network: nn.Module, course: Course, settings: ReturnsSettings) -> None:
+    def __init__(self, network: Any, course: Course, settings: ReturnsSettings) -> None:
         self.network, self.course, self.settings = network, course, settings
         self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
         self.episodes_at_once = settings.episodes_per_update

@@ -27,18 +27,14 @@ from explore_bench.reward import WEIGHTS
 from explore_bench.scenario import PAPER
 from explore_bench.seeding import stream
 from explore_bench.strategy import parse_factory
+from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
 
-WINDOW = 10_000
-"""Simulated steps over which a row of the training curve averages, as the paper's curves do."""
-
-VALIDATION_WORLDS = 32
+VALIDATION_WORLDS = 64
 VALIDATE_EVERY = 500
 """Episodes between two validations."""
 
 SAVE_SECONDS = 30.0
 SAY_SECONDS = 10.0
-
-CURVE_COLUMNS = ("steps", "episodes", "decisions", "reward", "time", "efficiency", "error", "loss")
 
 
 @dataclass(frozen=True)
@@ -190,7 +186,7 @@ class Training:
 
     def write_curve(self) -> None:
         """Write the training curve and the validations beside the best weights."""
-        write_csv(self.best_path.with_suffix(".curve.csv"), CURVE_COLUMNS, self.log.curve)
+        write_csv(curve_path(self.best_path), tuple(CURVE_COLUMNS), self.log.curve)
 
 
 def make_network(module: str, name: str, parameters: Any) -> Any:

@@ -14,12 +14,10 @@ from explore_bench.registry import strategies
 from explore_bench.report.style import save_all, styled
 from explore_bench.results import read_csv
 from explore_bench.strategy import Entry
+from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
 
 TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "table3"}
 """Figure → the table whose learned strategies it shows."""
-
-CURVE_COLUMNS = ("steps", "episodes", "decisions", "reward", "time", "efficiency", "error", "loss")
-"""Columns of NAME-SEED.curve.csv; a row averages over 10,000 simulated steps."""
 
 PANELS = {"reward": "reward a decision (Eq. 24)", "efficiency": "η [m²/step]", "error": "e [m]"}
 
@@ -38,8 +36,8 @@ def write_training_figures(folder: Path) -> list[Path]:
 
 def _curves(entry: Entry) -> list[pd.DataFrame]:
     """Curve of every training seed."""
-    files = [Path(weights).with_suffix(".curve.csv") for weights in entry.weights.values()]
-    return [read_csv(file, CURVE_COLUMNS) for file in files if file.is_file()]
+    files = [curve_path(weights) for weights in entry.weights.values()]
+    return [read_csv(file, tuple(CURVE_COLUMNS)) for file in files if file.is_file()]
 
 
 def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
@@ -58,7 +56,9 @@ def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
         axes.set_xlim(left=0)
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))
-    figure.suptitle("Training, means over 10,000 steps; bands: lowest to highest of the training seeds", fontsize=10)
+    figure.suptitle(
+        f"Training, means over {WINDOW:,} steps; bands: lowest to highest of the training seeds", fontsize=10
+    )
     return figure
 
 
@@ -70,6 +70,6 @@ def on_one_axis(curves: list[pd.DataFrame], column: str) -> tuple[np.ndarray, np
     Steps, shape (K,), up to where the shortest curve ends, and values, shape (seeds, K).
     """
     end = min(float(curve["steps"].iloc[-1]) for curve in curves)
-    steps = np.linspace(0.0, end, max(math.ceil(end / 10_000), 2))[1:]
+    steps = np.linspace(0.0, end, max(math.ceil(end / WINDOW), 2))[1:]
     values = [np.interp(steps, curve["steps"], curve[column]) for curve in curves]
     return steps, np.array(values)
