@@ -127,7 +127,7 @@ def plan(
                     training_seed=seed,
                     weights=weights,
                 )
-                for seed, weights in (entry.weights or {None: None}).items()
+                for seed, weights in (entry.weights.items() or [(None, None)])
                 for trial in range(count)
             ]
     return Plan(tuple(specs), tuple(untrained))

@@ -128,6 +128,7 @@ class CausalConvolution(nn.Module):
 
     def __init__(self, inputs: int, channels: int, layers: int, kernel: int) -> None:
         super().__init__()
+        self.kernel = kernel
         self.layers = nn.ModuleList(
             nn.Conv1d(inputs if i == 0 else channels, channels, kernel, dilation=2**i) for i in range(layers)
         )
@@ -135,7 +136,7 @@ class CausalConvolution(nn.Module):
     def forward(self, values: Tensor) -> Tensor:
         """(B, inputs, T) → (B, channels, T); column t depends on columns up to t alone."""
         for i, layer in enumerate(self.layers):
-            reach = (layer.kernel_size[0] - 1) * layer.dilation[0]
+            reach = (self.kernel - 1) * 2**i
             values = layer(nn.functional.pad(values if i == 0 else torch.relu(values), (reach, 0)))
         return values
 
@@ -191,8 +192,8 @@ class Noise:
         rows = []
         for rng in rngs:
             normals = rng.standard_normal(inputs + outputs)
-            kept = (rng.random(inputs) >= rate) / (1.0 - rate)
-            rows.append((np.sign(normals) * np.sqrt(np.abs(normals)), kept))
+            mask = (rng.random(inputs) >= rate) / (1.0 - rate)
+            rows.append((np.sign(normals) * np.sqrt(np.abs(normals)), mask))
         factors = torch.tensor(np.array([factor for factor, _ in rows]), dtype=torch.float32)
         kept = torch.tensor(np.array([mask for _, mask in rows]), dtype=torch.float32)
         return cls(factors[:, :inputs], factors[:, inputs:], kept)

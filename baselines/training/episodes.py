@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from explore_bench import Observation, Scenario, rollout
 from explore_bench.reward import WEIGHTS, RewardWeights, reward
 from explore_bench.seeding import Purpose, Role, stream
@@ -30,7 +32,7 @@ class Course:
     purpose: Purpose
     root: int
 
-    def generator(self, episode: int, role: Role):  # noqa: ANN201
+    def generator(self, episode: int, role: Role) -> np.random.Generator:
         """Return the stream of a role in an episode."""
         return stream(self.purpose, self.root, self.scenario.size, episode, role)
 

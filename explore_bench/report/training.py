@@ -56,9 +56,7 @@ def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
         axes.set_xlim(left=0)
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))
-    figure.suptitle(
-        f"Training, means over {WINDOW:,} steps; bands: lowest to highest of the training seeds", fontsize=10
-    )
+    figure.suptitle(f"Training, means over {WINDOW:,} steps; bands: lowest to highest of the seeds", fontsize=10)
     return figure
 
 
