@@ -47,7 +47,7 @@ class PolicyGradientSettings:
     ratio: float = 0.2
     entropy: float = 0.01
     final_entropy: float = 0.0
-    decay: int = 20_000
+    decay: int = 10_000
     clip: float = 1.0
 
 

@@ -49,7 +49,7 @@ class ReplaySettings:
     discount: float = 0.9
     dropout: float = 0.1
     exploration: float = 0.9
-    decay: int = 60_000
+    decay: int = 25_000
     target_every: int = 200
     clip: float = 5.0
 

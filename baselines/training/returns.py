@@ -31,7 +31,7 @@ class ReturnsSettings:
     """
 
     episodes_per_update: int = 8
-    rate: float = 4e-3
+    rate: float = 5e-3
     final_rate: float = 3e-4
     discount: float = 0.9
     dropout: float = 0.2

@@ -55,11 +55,9 @@ class Recipe:
 
 
 RECIPES: dict[str, Recipe] = {
-    "baselines.learned.graph_stnn": Recipe("GraphSTNN", ReturnsLearner, ReturnsSettings(), 6000),
-    "baselines.learned.graph_stnn_plus": Recipe(
-        "GraphSTNNPlus", PolicyGradientLearner, PolicyGradientSettings(), 20_000
-    ),
-    "baselines.learned.gcn": Recipe("GCN", ReplayLearner, ReplaySettings(), 6000),
+    "baselines.learned.graph_stnn": Recipe("GraphSTNN", ReturnsLearner, ReturnsSettings(), 4000),
+    "baselines.learned.graph_stnn_plus": Recipe("GraphSTNNPlus", PolicyGradientLearner, PolicyGradientSettings(), 8000),
+    "baselines.learned.gcn": Recipe("GCN", ReplayLearner, ReplaySettings(), 3000),
 }
 """By the module of a strategy's factory."""
 
