@@ -4,11 +4,12 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 WORKERS := --numprocesses auto --maxprocesses 4
+TRAININGS ?= 2
 
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean lint perf report setup test test-slow
+.PHONY: bench bench-smoke calibrate clean lint perf report setup test test-slow train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure
 	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
@@ -38,6 +39,12 @@ lint: $(READY)           ## Style, types, and pages that match the results
 calibrate: $(READY)      ## The studies behind the constants that the paper leaves out
 	$(BIN)/python docs/studies/calibration.py
 	$(BIN)/python docs/studies/uncertainty_weight.py
+	$(BIN)/python docs/studies/clairvoyant_beam.py
+
+train: $(READY)          ## Train every shipped weight anew, into results/training; goes on where it stopped
+	@for card in baselines/weights/*.json; do echo $$(basename $$card .json); done | \
+	  xargs -P $(TRAININGS) -I{} sh -c 'name=$${0%-*}; \
+	    $(BIN)/explore-bench train "$$name" --seed "$${0##*-}" --resume || exit 255' {}
 
 setup: $(READY)          ## Only set up
 

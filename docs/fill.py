@@ -40,7 +40,7 @@ def table2() -> str:
 def calibration_result() -> str:
     """The settings of the last pass, best first."""
     fine = pd.read_csv(STUDIES / "calibration-fine.csv")
-    return _markdown(fine[[*CONSTANTS, "worlds", "rms", "low", "high"]].round(3))
+    return _markdown(fine[[*CONSTANTS, "connected_draws", "worlds", "rms", "low", "high"]].round(3))
 
 
 def calibration_coarse() -> str:
@@ -54,7 +54,7 @@ def calibration_fit() -> str:
     fine = pd.read_csv(STUDIES / "calibration-fine.csv")
     frozen = fine[(fine[CONSTANTS] == [getattr(PAPER, name) for name in CONSTANTS]).all(axis=1)].iloc[0]
     cells: dict[str, dict[str, float]] = {}
-    for name, value in frozen.drop([*CONSTANTS, "worlds", "rms", "low", "high"]).items():
+    for name, value in frozen.drop([*CONSTANTS, "connected_draws", "worlds", "rms", "low", "high"]).items():
         strategy, size, metric = str(name).split()
         symbol = {"trajectory_error": "e", "exploration_efficiency": "η"}[metric]
         cells.setdefault(strategy, {})[f"{symbol}, {size} m"] = round(math.exp(value), 2)

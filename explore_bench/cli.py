@@ -68,12 +68,18 @@ def list_(what: str) -> None:
     """List strategies (the default), scenarios, suites or metrics."""
     rows: list[tuple[str, ...]]
     if what == "strategies":
-        from explore_bench.registry import strategies
+        from explore_bench.registry import parameter_count, strategies
 
-        rows = [("name", "label", "tables", "state")]
+        rows = [("name", "label", "tables", "state", "parameters")]
         for name, entry in strategies().items():
-            state = "reference: told the truth" if entry.reference else "ready" if entry.ready else "not trained"
-            rows.append((name, entry.label, ", ".join(entry.tables), state))
+            state, count = "ready" if entry.ready else "not trained", ""
+            if entry.reference:
+                state = "reference: told the truth"
+            elif entry.weights:
+                seeds = len(entry.weights)
+                state = f"learned, {seeds} training seed{'s' if seeds > 1 else ''}"
+                count = f"{parameter_count(entry):,}"
+            rows.append((name, entry.label, ", ".join(entry.tables), state, count))
     elif what == "scenarios":
         from explore_bench.scenario import SCENARIOS
 

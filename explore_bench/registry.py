@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from importlib.metadata import entry_points
@@ -35,6 +36,20 @@ def strategies() -> dict[str, Entry]:
                 f"({type(error).__name__}: {error}); mend or uninstall it."
             ) from error
     return found
+
+
+def parameter_count(entry: Entry) -> int:
+    """Number of a learned strategy's parameters, from the card beside its weights.
+
+    Raises
+    ------
+    RequestError : where the card is missing or says none.
+    """
+    card = Path(next(iter(entry.weights.values()))).with_suffix(".json")
+    try:
+        return int(json.loads(card.read_text(encoding="utf-8"))["parameter_count"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise RequestError(f"card '{card}' of '{entry.label}' cannot be read; restore it or train anew.") from None
 
 
 def lookup(name: str) -> tuple[str, Entry]:

@@ -11,14 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import joblib
+import numpy as np
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from explore_bench.errors import RequestError, unknown
 from explore_bench.provenance import trial_key
 from explore_bench.records import Store, missing
-from explore_bench.spec import Outcome, TrialSpec
+from explore_bench.simulator.world import draw_world
+from explore_bench.spec import Outcome, Status, TrialSpec
 from explore_bench.strategy import make_strategy
-from explore_bench.trial import run_trial
+from explore_bench.trial import TrialResult, run_trial
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
 BACKENDS = ("loky", "sequential")
 DEFAULT_TIMEOUT = 600.0
 """Seconds that one trial may take."""
+
+AHEAD = 2
+"""Trials handed out for each worker before their turn."""
 
 GRACE = 60.0
 """Seconds beyond its limit after which a trial that cannot be interrupted ends the run."""
@@ -57,35 +62,74 @@ def execute(
 ) -> Iterator[Outcome]:
     """Run trials in parallel, store each as it ends and yield its outcome, in the order in which they end.
 
+    When a worker process dies, the trials that may have killed it run again, each in a process of its own; one whose
+    process dies again is stored as failed.
+
     Raises
     ------
-    IncompleteError : when a worker process died, or a trial could not be interrupted.
+    IncompleteError : when a trial could not be interrupted.
     """
     if not specs:
         return
     longest_first = sorted(specs, key=lambda spec: (-spec.scenario.cell_count, spec.trial, spec.strategy))
     jobs = 1 if backend == "sequential" else min(workers, len(specs))
-    tasks = (joblib.delayed(_run_and_store)(spec, trial_key(spec), store, timeout) for spec in longest_first)
+    waiting = dict(enumerate(longest_first))
     with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
         if jobs > 1:
             warm_up(specs[0])
-        parallel = joblib.Parallel(
-            n_jobs=jobs,
-            backend=backend,
-            return_as="generator_unordered",
-            pre_dispatch="2*n_jobs",
-            timeout=timeout + GRACE if jobs > 1 else None,
-        )
         try:
-            yield from parallel(tasks)
-        except TerminatedWorkerError:
-            raise IncompleteError(
-                "a worker process died (killed, or out of memory); run the same command again"
-            ) from None
+            while waiting:
+                try:
+                    for number, outcome in _parallel(waiting, store, jobs, backend, timeout):
+                        del waiting[number]
+                        yield outcome
+                except TerminatedWorkerError:
+                    for number in list(waiting)[: AHEAD * jobs]:  # joblib hands tasks out in order
+                        yield _alone(waiting.pop(number), store, backend, timeout)
         except (TimeoutError, multiprocessing.TimeoutError):
             raise IncompleteError(
                 f"a trial took longer than {timeout:g} s and could not be interrupted; mend its strategy"
             ) from None
+
+
+def _parallel(
+    specs: dict[int, TrialSpec], store: Store, jobs: int, backend: str, timeout: float
+) -> Iterator[tuple[int, Outcome]]:
+    """Outcomes of numbered trials as they end."""
+    parallel = joblib.Parallel(
+        n_jobs=jobs,
+        backend=backend,
+        return_as="generator_unordered",
+        pre_dispatch=f"{AHEAD}*n_jobs",
+        timeout=timeout + GRACE if jobs > 1 else None,
+    )
+    tasks = (
+        joblib.delayed(_run_and_store)(number, spec, trial_key(spec), store, timeout)
+        for number, spec in list(specs.items())
+    )
+    yield from parallel(tasks)
+
+
+def _alone(spec: TrialSpec, store: Store, backend: str, timeout: float) -> Outcome:
+    """Run a trial in a process that runs nothing else; should that die, the trial has failed."""
+    try:
+        return next(outcome for _, outcome in _parallel({0: spec}, store, 2, backend, timeout))
+    except TerminatedWorkerError:
+        result = TrialResult(
+            spec=spec,
+            world=draw_world(spec.scenario, spec.generator("world")),
+            status=Status.FAILED,
+            reason="its worker process died (killed, or out of memory)",
+            steps=[],
+            snapshots={},
+            final_poses=np.empty((0, 3)),
+            final_covariances=np.empty((0, 3)),
+            decision_seconds=[],
+            seconds=0.0,
+            transient=True,
+        )
+        store.write(result, trial_key(spec))
+        return Outcome(spec, result.status, result.reason, 0, 0.0, ())
 
 
 def warm_up(spec: TrialSpec) -> None:
@@ -198,11 +242,11 @@ def complete(
     return table
 
 
-def _run_and_store(spec: TrialSpec, key: str, store: Store, timeout: float) -> Outcome:
+def _run_and_store(number: int, spec: TrialSpec, key: str, store: Store, timeout: float) -> tuple[int, Outcome]:
     begin = time.perf_counter()
     result = run_trial(spec, timeout)
     store.write(result, key)
-    return Outcome(
+    return number, Outcome(
         spec=spec,
         status=result.status,
         reason=result.reason,

@@ -461,12 +461,12 @@ def wait_for(condition, seconds=60.0):
         time.sleep(0.05)
 
 
-def test_a_worker_that_dies_makes_the_run_incomplete(call, tiny, tmp_path):
+def test_a_trial_that_kills_its_worker_is_reported_as_failed(call, tiny, tmp_path):
     plugin = write_plugin(tmp_path, "os._exit(1)", head="import os")
     request = ["run", "smoke", "--scenario", tiny, "--results", tmp_path / "results", "--workers", 2, "--trials", 2]
     code, _, err = call(*request, "-s", plugin)
-    assert code == 3
-    assert "incomplete" in err.splitlines()[-1]
+    assert code == 1
+    assert err.count("its worker process died") == 2
     assert "Traceback" not in err
     assert (tmp_path / "results" / "trials.csv").exists()
 

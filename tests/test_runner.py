@@ -293,17 +293,16 @@ def later_on(folder, lines):
     return good, tiny_plan([write_plugin(folder, lines, head="import os, signal")], trials=1)
 
 
-def test_a_worker_that_dies_ends_the_run_as_incomplete_and_keeps_what_is_done(store, tmp_path):
+def test_a_trial_that_kills_its_worker_is_a_failed_row_and_the_others_go_on(store, tmp_path):
     good, bad = later_on(tmp_path, "os._exit(1)")
     done = []
-    with pytest.raises(IncompleteError, match="worker process died"):
-        complete([*good, *bad], store, 2, progress=done.append)
-    table = pd.read_csv(store.folder / "trials.csv")
-    assert len(done) >= 1
-    assert len(table) >= len(done)
-    assert all(store.has(outcome.spec) for outcome in done)
-    complete(list(missing(store, good)), store, 2)
-    assert list(missing(store, [*good, *bad])) == list(bad)
+    table = complete([*good, *bad], store, 2, progress=done.append)
+    assert len(table) == len(done) == len(good) + len(bad)
+    killers = table[table["strategy"] == bad[0].strategy]
+    assert list(killers["status"]) == ["failed"] * len(bad)
+    assert "worker process died" in killers["reason"].iloc[0]
+    assert set(table[table["strategy"] == "nearest"]["status"]) == {"explored"}
+    assert list(missing(store, [*good, *bad])) == list(bad), "what was killed from outside is worth another try"
 
 
 def test_a_trial_that_cannot_be_interrupted_ends_the_run_as_incomplete(store, tmp_path, monkeypatch):

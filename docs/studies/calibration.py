@@ -1,7 +1,9 @@
 """Calibrate what the paper leaves out against Table 2: step length, odometry noise and obstacle density.
 
 Only untrained strategies and only calibration worlds take part. A first pass looks at step length and noise with few
-worlds, a second at the obstacle density of the best, a third at the best of all with more worlds. Run it again with
+worlds, a second at the obstacle density of the best, a third at the best of all with more worlds. Beside each density
+stands the share of random draws at 20 m that are connected, so that it is plain how random its worlds are. Run it
+again with
 
     python docs/studies/calibration.py [--store FOLDER]
 
@@ -18,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy import ndimage
 
 from explore_bench.metrics import exploration_efficiency, trajectory_error
 from explore_bench.records import Store, missing
@@ -37,6 +40,7 @@ OBSTACLE_DENSITIES = (1.5, 0.75, 2.0, 2.5, 3.0, 3.5)  # per cell of edge; the fi
 FEW, MANY = 6, 30  # worlds a size
 KEPT, FINALISTS = 4, 8  # settings that go on to the second and the third pass
 RESAMPLES = 2000
+DRAWS = 20_000
 
 HERE = Path(__file__).parent
 
@@ -69,6 +73,18 @@ def misfit(scenario: Scenario, worlds: int, store: Store) -> dict[str, float]:
     return rms | dict(zip(names, ratios.tolist(), strict=True))
 
 
+def connected_share(density: float) -> float:
+    """Share of random draws at 20 m with this obstacle density in which every free cell can be reached."""
+    scenario = PAPER.replace(size=SIZES[0], obstacle_density=density)
+    rng = np.random.default_rng(0)
+    connected = 0
+    for _ in range(DRAWS):
+        blocked = np.zeros(scenario.cell_count, dtype=bool)
+        blocked[rng.permutation(scenario.cell_count)[: scenario.landmarks + scenario.obstacles]] = True
+        connected += ndimage.label(~blocked.reshape(scenario.cells, scenario.cells))[1] == 1
+    return connected / DRAWS
+
+
 def sweep(settings: list[tuple[float, float, float]], worlds: int, store: Store) -> pd.DataFrame:
     """Misfit of every setting (step length, odometry σ, obstacle density), best first."""
     rows = []
@@ -94,6 +110,7 @@ def main() -> None:
     coarse.to_csv(HERE / "calibration-coarse.csv", index=False, float_format="%.4f")
     best = coarse[["step_length", "odometry_sigma", "obstacle_density"]].head(FINALISTS)
     fine = sweep([tuple(row) for row in best.to_numpy().tolist()], MANY, store)
+    fine.insert(3, "connected_draws", [connected_share(density) for density in fine["obstacle_density"]])
     fine.to_csv(HERE / "calibration-fine.csv", index=False, float_format="%.4f")
     print(fine.round(3).to_string())
 
