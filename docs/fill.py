@@ -19,14 +19,16 @@ from pathlib import Path
 import pandas as pd
 
 from explore_bench.perf import Part, Perf, text
+from explore_bench.registry import strategies
 from explore_bench.scenario import PAPER
 from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, STEP_COLUMNS
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
+WEIGHTS = ROOT / "baselines" / "weights"
 PAGES = (
     "README.md",
-    *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "performance", "protocol", "records")),
+    *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "learning", "performance", "protocol", "records")),
 )
 PAGES = (*PAGES, "docs/uncertainty-weight.md")
 CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
@@ -102,6 +104,32 @@ def performance() -> str:
     return f"```\n{text(perf)}\n```"
 
 
+def weights() -> str:
+    """What the cards of the shipped weights say, by strategy."""
+    cards = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(WEIGHTS.glob("*.json"))]
+    order = list(strategies())
+    rows = []
+    for name in sorted({card["strategy"] for card in cards}, key=order.index):
+        own = [card for card in cards if card["strategy"] == name]
+        rows.append(
+            {
+                "strategy": f"`{name}`",
+                "seeds": len(own),
+                "parameters": f"{own[0]['parameter_count']:,}",
+                "episodes of the best weights": _range(own, "episodes", 1),
+                "thousand steps": _range(own, "steps", 1e-3),
+                "minutes": _range(own, "wall_seconds", 1 / 60),
+                "validation: log e − log η": ", ".join(f"{card['validation']['objective']:.2f}" for card in own),
+            }
+        )
+    return _markdown(pd.DataFrame(rows))
+
+
+def learning_settings() -> str:
+    """Settings of Graph-STNN's learning and what they led to."""
+    return _markdown(pd.read_csv(STUDIES / "learning-settings.csv"))
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "table2": table2,
     "calibration-result": calibration_result,
@@ -112,6 +140,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "map-order": map_order,
     "columns": columns,
     "perf": performance,
+    "weights": weights,
+    "learning-settings": learning_settings,
 }
 
 
@@ -140,6 +170,11 @@ def main() -> int:
                 path.write_text(after, encoding="utf-8")
     print(f"{'out of date' if check else 'filled'}: {', '.join(stale) or 'none'}")
     return 1 if check and stale else 0
+
+
+def _range(cards: list[dict], key: str, scale: float) -> str:
+    values = sorted({round(card[key] * scale) for card in cards})
+    return " to ".join(f"{value:,}" for value in dict.fromkeys((values[0], values[-1])))
 
 
 def _markdown(table: pd.DataFrame) -> str:
