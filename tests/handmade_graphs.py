@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from baselines.learned.candidates import CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateSet
+from baselines.learned.candidates import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateSet
 from baselines.learned.graph import ExplorationGraph
 
 
@@ -19,11 +19,18 @@ def random_graph(rng, trajectory=None, others=None, candidates=None, columns=5, 
     return ExplorationGraph(features, (upper + upper.T).astype(np.float32), trajectory, candidates)
 
 
-def random_set(rng, candidates=None):
-    """Return a set of candidates with random features."""
+def random_set(rng, candidates=None, blocks=None):
+    """Return a set of candidates and blocks with random features and places."""
     count = candidates or int(rng.integers(1, 8))
-    rows = rng.normal(size=(count, len(CANDIDATE_COLUMNS))).astype(np.float32)
-    return CandidateSet(rows, rng.normal(size=len(STATE_COLUMNS)).astype(np.float32))
+    more = int(rng.integers(1, 6)) if blocks is None else blocks
+    shapes = (count, len(CANDIDATE_COLUMNS)), (more, len(BLOCK_COLUMNS)), (count + more, 2), (len(STATE_COLUMNS),)
+    return CandidateSet(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
+
+
+def reordered_set(one, order):
+    """Return a set with its candidates in another order."""
+    places = np.concatenate((one.places[: len(order)][order], one.places[len(order) :]))
+    return CandidateSet(one.candidates[order], one.blocks, places, one.state)
 
 
 def reordered(graph, order):

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from handmade_graphs import random_graph, random_set, reordered
+from handmade_graphs import random_graph, random_set, reordered, reordered_set
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -97,7 +97,7 @@ def test_values_follow_the_candidates_wherever_they_stand(name, seed):
     (item,) = random_items(name, seed, 1, candidates=6)
     order = np.random.default_rng(seed).permutation(6)
     if name == "plus":
-        other = CandidateSet(item.candidates[order], item.state)
+        other = reordered_set(item, order)
     else:
         first = len(item.features) - 6
         other = reordered(item, np.concatenate((np.arange(first), first + order)))
@@ -434,7 +434,7 @@ def test_preferences_compare_the_candidates_with_each_other():
 def test_the_value_of_the_state_ignores_padding_and_order():
     network = made("plus")
     one, wide = random_items("plus", 21, 1)[0], random_items("plus", 22, 1, candidates=9)[0]
-    turned = CandidateSet(one.candidates[::-1].copy(), one.state)
+    turned = reordered_set(one, np.arange(len(one.candidates))[::-1])
     with torch.no_grad():
         alone = network.preferences_and_value(network.collate([one]))[1]
         together = network.preferences_and_value(network.collate([one, wide, turned]))[1]

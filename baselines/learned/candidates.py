@@ -32,6 +32,8 @@ CANDIDATE_COLUMNS = (
     "region",  # cells of the unknown regions that it reveals a part of [share of the map]
     "region_closed",  # share of those regions that it reveals
     "pocket",  # whether what is left of one of those regions would be small, exp(−cells left / 5)
+    "around",  # unknown cells within twice the sensor range of the candidate [50 cells]
+    "apart",  # distance to the nearest other candidate, at most 20 [10 m]
     "edge",  # distance from the candidate to the edge of the map [10 m]
     "reduction",  # of U along the path [10 m²]
     "reduction_a_step",  # the same, a step [m²]
@@ -50,35 +52,68 @@ STATE_COLUMNS = (
     "time",  # steps so far per cell of the map
     "candidates",  # number of them [10]
 )
+BLOCK_COLUMNS = (
+    "unknown",  # share of the block's cells that are
+    "cells",  # of the block, unknown or not [16]
+    "distance",  # of its middle from the robot [10 m]
+)
+BLOCK = 4
+"""Cells along the edge of a block, the coarse view of what is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateSet:
-    """Features of the candidates (C, CANDIDATE_COLUMNS) and of the state (STATE_COLUMNS,)."""
+    """What the network reads of one observation.
+
+    Attributes
+    ----------
+    candidates, blocks : features of the candidates (C, CANDIDATE_COLUMNS) and of the blocks of the map that hold
+        unknown cells (K, BLOCK_COLUMNS).
+    places : of the candidates and then of the blocks [10 m], shape (C + K, 2).
+    state : features of the state (STATE_COLUMNS,).
+    """
 
     candidates: NDArray[np.float32]
+    blocks: NDArray[np.float32]
+    places: NDArray[np.float32]
     state: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateBatch:
-    """Sets padded to one size: features (B, C, F) and (B, G), and which candidates are there (B, C)."""
+    """Sets padded to one size.
+
+    Attributes
+    ----------
+    candidates, blocks : features, shapes (B, C, F) and (B, K, F), zero where padded.
+    places : [10 m], shape (B, C + K, 2).
+    state : features, shape (B, G).
+    choices, present : whether a row is a candidate (B, C), a candidate or a block (B, C + K).
+    """
 
     candidates: Tensor
+    blocks: Tensor
+    places: Tensor
     state: Tensor
     choices: Tensor
+    present: Tensor
 
     @classmethod
     def of(cls, sets: Sequence[CandidateSet]) -> CandidateBatch:
         """Pad sets into a batch."""
         width = max(len(one.candidates) for one in sets)
+        size = width + max(len(one.blocks) for one in sets)
         candidates = np.zeros((len(sets), width, len(CANDIDATE_COLUMNS)), dtype=np.float32)
-        choices = np.zeros((len(sets), width), dtype=bool)
+        blocks = np.zeros((len(sets), size - width, len(BLOCK_COLUMNS)), dtype=np.float32)
+        places = np.zeros((len(sets), size, 2), dtype=np.float32)
+        present = np.zeros((len(sets), size), dtype=bool)
         for i, one in enumerate(sets):
-            candidates[i, : len(one.candidates)] = one.candidates
-            choices[i, : len(one.candidates)] = True
+            count, more = len(one.candidates), len(one.blocks)
+            candidates[i, :count], blocks[i, :more] = one.candidates, one.blocks
+            places[i, :count], places[i, width : width + more] = one.places[:count], one.places[count:]
+            present[i, :count] = present[i, width : width + more] = True
         state = np.stack([one.state for one in sets])
-        return cls(torch.from_numpy(candidates), torch.from_numpy(state), torch.from_numpy(choices))
+        return cls(*map(torch.from_numpy, (candidates, blocks, places, state, present[:, :width].copy(), present)))
 
 
 def candidate_set(observation: Observation) -> CandidateSet:
@@ -92,6 +127,9 @@ def candidate_set(observation: Observation) -> CandidateSet:
     peak = _peak(belief.pose_covariances)
     rows = np.empty((len(observation.candidates), len(CANDIDATE_COLUMNS)), dtype=np.float32)
     shortest = observation.path_lengths.min()
+    apart = np.hypot(*(observation.positions[:, None] - observation.positions).transpose(2, 0, 1))
+    np.fill_diagonal(apart, 20.0)
+    around = _unknown_within(observation.positions, belief.known, cell_size, 2.0 * reach)
     for i, path in enumerate(observation.paths):
         prediction = predict(belief, path)
         steps = max(len(prediction.poses), 1)
@@ -113,6 +151,8 @@ def candidate_set(observation: Observation) -> CandidateSet:
             region / scenario.cell_count,
             closed,
             pocket,
+            around[i] / 50.0,
+            min(apart[i].min(), 20.0) / 10.0,
             min(px, py, scenario.size - px, scenario.size - py) / 10.0,
             reduction / 10.0,
             reduction / steps,
@@ -132,7 +172,49 @@ def candidate_set(observation: Observation) -> CandidateSet:
         observation.step / scenario.cell_count,
         len(rows) / 10.0,
     )
-    return CandidateSet(rows, np.array(state, dtype=np.float32))
+    blocks, middles = _blocks(belief.known, cell_size, x, y)
+    places = np.concatenate((observation.positions, middles)) / 10.0
+    return CandidateSet(rows, blocks, places.astype(np.float32), np.array(state, dtype=np.float32))
+
+
+@jit
+def _blocks(known: NDArray[np.bool_], cell_size: float, x: float, y: float) -> tuple[NDArray[np.float32], Array]:
+    """Features and middles [m] of the blocks that hold unknown cells; (x, y) is the robot's place."""
+    n = known.shape[0]
+    side = (n + BLOCK - 1) // BLOCK
+    features = np.empty((side * side, 3), dtype=np.float32)
+    middles = np.empty((side * side, 2))
+    count = 0
+    for row in range(0, n, BLOCK):
+        for column in range(0, n, BLOCK):
+            part = known[row : row + BLOCK, column : column + BLOCK]
+            unknown = part.size - part.sum()
+            if unknown > 0:
+                middle_x = (column + 0.5 * part.shape[1]) * cell_size
+                middle_y = (row + 0.5 * part.shape[0]) * cell_size
+                features[count, 0] = unknown / part.size
+                features[count, 1] = part.size / 16.0
+                features[count, 2] = math.hypot(middle_x - x, middle_y - y) / 10.0
+                middles[count, 0], middles[count, 1] = middle_x, middle_y
+                count += 1
+    return features[:count].copy(), middles[:count].copy()
+
+
+@jit
+def _unknown_within(positions: Array, known: NDArray[np.bool_], cell_size: float, reach: float) -> Array:
+    """Unknown cells whose centre lies within reach of each position."""
+    n = known.shape[0]
+    counts = np.zeros(positions.shape[0])
+    for i in range(positions.shape[0]):
+        x, y = positions[i, 0], positions[i, 1]
+        row0, row1 = cells_in_reach(y, reach, n, cell_size)
+        column0, column1 = cells_in_reach(x, reach, n, cell_size)
+        for row in range(row0, row1 + 1):
+            for column in range(column0, column1 + 1):
+                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
+                if not known[row, column] and dx * dx + dy * dy <= reach * reach:
+                    counts[i] += 1
+    return counts
 
 
 @jit

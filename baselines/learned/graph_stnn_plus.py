@@ -1,7 +1,8 @@
 """`graph-stnn-plus`, our own extension: what the exploration graph does not tell, and a policy over the candidates.
 
 A candidate is described by the path to it, by what it would reveal and by the belief propagated along that path
-(`candidates.CANDIDATE_COLUMNS`); all candidates are compared with each other by attention. It learns by policy
+(`candidates.CANDIDATE_COLUMNS`); attention compares all
+candidates with each other and with what is still unknown elsewhere. It learns by policy
 gradient on the two metrics themselves; see `baselines.training.policy_gradient` and docs/learning.md.
 """
 
@@ -12,27 +13,60 @@ import math
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.candidates import CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateBatch, CandidateSet, candidate_set
+from baselines.learned.candidates import (
+    BLOCK_COLUMNS,
+    CANDIDATE_COLUMNS,
+    STATE_COLUMNS,
+    CandidateBatch,
+    CandidateSet,
+    candidate_set,
+)
 from baselines.learned.policy import Policy
 from explore_bench import Observation
 
-CHANNELS = 64
+CHANNELS, HEADS, LAYERS = 64, 4, 2
+
+
+class Attention(nn.Module):
+    """Each token looks at all others, near and far ones differently: scores plus a learned function of the distance."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.project = nn.Linear(CHANNELS, 3 * CHANNELS)
+        self.bias = nn.Linear(2, HEADS)
+        self.join = nn.Linear(CHANNELS, CHANNELS)
+        self.norm, self.norm_after = nn.LayerNorm(CHANNELS), nn.LayerNorm(CHANNELS)
+        self.mix = nn.Sequential(nn.Linear(CHANNELS, 2 * CHANNELS), nn.ReLU(), nn.Linear(2 * CHANNELS, CHANNELS))
+
+    def forward(self, tokens: Tensor, near: Tensor, present: Tensor) -> Tensor:
+        """Tokens (B, N, F), pairwise features (B, N, N, 2) and which tokens there are (B, N) → tokens (B, N, F)."""
+        count, size, _ = tokens.shape
+        parts = self.project(self.norm(tokens)).view(count, size, 3, HEADS, -1).permute(2, 0, 3, 1, 4)
+        bias = self.bias(near).permute(0, 3, 1, 2).masked_fill(~present[:, None, None, :], -math.inf)
+        seen = nn.functional.scaled_dot_product_attention(parts[0], parts[1], parts[2], attn_mask=bias)
+        tokens = tokens + self.join(seen.transpose(1, 2).reshape(count, size, CHANNELS))
+        return tokens + self.mix(self.norm_after(tokens))
 
 
 class GraphSTNNPlus(nn.Module):
-    """Preferences of the candidates (softmax: the policy) and, for learning, the value of the state."""
+    """Preferences of the candidates (softmax: the policy) and, for learning, the value of the state.
 
-    columns = (*CANDIDATE_COLUMNS, *STATE_COLUMNS)
+    Candidates and the blocks of the map that are still unknown are the tokens of two attention layers.
+    """
+
+    columns = (*CANDIDATE_COLUMNS, *STATE_COLUMNS, *BLOCK_COLUMNS)
     collate = staticmethod(CandidateBatch.of)
 
     def __init__(self) -> None:
         super().__init__()
         self.switches: dict[str, bool] = {}
-        self.embed = nn.Sequential(
-            nn.Linear(len(self.columns), CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, CHANNELS), nn.ReLU()
+        own = len(CANDIDATE_COLUMNS) + len(STATE_COLUMNS)
+        self.embed = nn.Sequential(nn.Linear(own, CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, CHANNELS))
+        self.embed_block = nn.Sequential(
+            nn.Linear(len(BLOCK_COLUMNS), CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, CHANNELS)
         )
-        self.query, self.key, self.content = (nn.Linear(CHANNELS, CHANNELS) for _ in range(3))
-        self.preference = nn.Sequential(nn.Linear(3 * CHANNELS, CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, 1))
+        self.layers = nn.ModuleList(Attention() for _ in range(LAYERS))
+        self.preference = nn.Sequential(nn.Linear(CHANNELS, CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, 1))
         self.value = nn.Sequential(
             nn.Linear(CHANNELS + len(STATE_COLUMNS), CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, 1)
         )
@@ -54,13 +88,16 @@ class GraphSTNNPlus(nn.Module):
         width = batch.candidates.shape[1]
         state = batch.state.unsqueeze(1).expand(-1, width, -1)
         own = self.embed(torch.cat((batch.candidates, state), dim=-1))
-        mask = batch.choices.unsqueeze(1)
-        scores = self.query(own) @ self.key(own).transpose(1, 2) / math.sqrt(CHANNELS)
-        others = torch.softmax(scores.masked_fill(~mask, -math.inf), dim=-1) @ self.content(own)
-        present = batch.choices.unsqueeze(-1).to(own.dtype)
-        mean = (own * present).sum(dim=1) / present.sum(dim=1)
-        everyone = mean.unsqueeze(1).expand(-1, width, -1)
-        preferences = self.preference(torch.cat((own, others, everyone), dim=-1)).squeeze(-1)
+        tokens = torch.cat((own, self.embed_block(batch.blocks)), dim=1)
+        offsets = batch.places.unsqueeze(2) - batch.places.unsqueeze(1)
+        distances = torch.sqrt(offsets.square().sum(dim=-1) + 1e-6)
+        near = torch.stack((distances, torch.exp(-2.0 * distances)), dim=-1)
+        for layer in self.layers:
+            tokens = layer(tokens, near, batch.present)
+        shown = tokens[:, :width]
+        preferences = self.preference(shown).squeeze(-1)
+        there = batch.choices.unsqueeze(-1).to(shown.dtype)
+        mean = (shown * there).sum(dim=1) / there.sum(dim=1)
         value = self.value(torch.cat((mean, batch.state), dim=-1)).squeeze(-1)
         return preferences.masked_fill(~batch.choices, -math.inf), value
 
