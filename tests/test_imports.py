@@ -85,7 +85,7 @@ def test_the_walk_finds_what_is_there():
     assert "explore_bench.runner" in modules("explore_bench.cli", CORE["explore_bench.cli"]), "inside a function"
     assert "explore_bench.records" not in modules("explore_bench.metrics", CORE["explore_bench.metrics"]), "a type"
     assert "explore_bench.records" in modules("explore_bench.metrics", CORE["explore_bench.metrics"], types_too=True)
-    assert {"baselines", "baselines.nearest"} <= OURS.keys()
+    assert {"baselines", "baselines.nearest", "baselines.learned.graph", "baselines.training.train"} <= OURS.keys()
     assert len(CORE) > 30
 
 
@@ -98,12 +98,19 @@ def test_the_walk_finds_what_is_there():
         ("gtsam", {"explore_bench.slam.factor_graph"}),
         ("joblib", {"explore_bench.runner"}),
         ("numba", {"explore_bench.compiled"}),
-        ("torch", set()),
     ],
 )
 def test_a_library_enters_through_its_own_door(library, doors):
     assert importers(library, CORE) == doors
-    assert importers(library, OURS) <= ({"baselines.learned", "baselines.training"} if library == "torch" else set())
+    assert not importers(library, OURS)
+
+
+@pytest.mark.parametrize("library", ["torch", "safetensors"])
+def test_what_learns_enters_through_the_learned_strategies_and_their_training_only(library):
+    assert not importers(library, CORE)
+    found = importers(library, OURS)
+    assert found
+    assert {name.split(".")[1] for name in found} <= {"learned", "training"}
 
 
 def test_matplotlib_enters_through_the_report_only():
@@ -176,10 +183,20 @@ def test_the_baselines_reach_no_private_attribute_of_a_module():
                 assert not node.attr.startswith("_"), (name, ast.unparse(node))
 
 
-def test_no_baseline_imports_another():
-    """Each in one file; only the table of all of them names them, and it does so in strings."""
-    for name, path in OURS.items():
-        assert not [base for base, _ in imports(name, path) if base.split(".")[0] == "baselines"], name
+MAY_IMPORT = {"learned": {"learned"}, "training": {"learned", "training"}}
+"""Package of baselines → those of its packages that it may import; nobody else may import any baseline."""
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_no_baseline_imports_another_s(name):
+    """Each in one file; only the table of all of them names them, and it does so in strings.
+
+    Learned ones share what is in their package, and only their training imports the training.
+    """
+    found = [base if item is None else f"{base}.{item}" for base, item in imports(name, OURS[name], types_too=True)]
+    packages = {whole.split(".")[1] for whole in found if whole.startswith("baselines.")}
+    assert "baselines" not in found
+    assert packages <= MAY_IMPORT.get(".".join(name.split(".")[1:2]), set())
 
 
 def test_all_public_names_of_the_package_can_be_had():

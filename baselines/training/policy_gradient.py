@@ -40,12 +40,12 @@ class PolicyGradientSettings:
     episodes_per_update: int = 48
     passes: int = 4
     batch: int = 128
-    rate: float = 1e-3
+    rate: float = 7e-4
     final_rate: float = 5e-5
     discount: float = 0.98
     trace: float = 0.9
     ratio: float = 0.2
-    entropy: float = 0.01
+    entropy: float = 0.02
     final_entropy: float = 0.0
     decay: int = 10_000
     clip: float = 1.0

@@ -31,12 +31,12 @@ class ReturnsSettings:
     """
 
     episodes_per_update: int = 8
-    rate: float = 5e-3
-    final_rate: float = 3e-4
+    rate: float = 4e-3
+    final_rate: float = 1e-4
     discount: float = 0.9
     dropout: float = 0.2
     final_dropout: float = 0.0
-    decay: int = 8_000
+    decay: int = 4_000
     clip: float = 5.0
 
 
