@@ -1,14 +1,16 @@
 """What all tests share: property tests have no deadline, for a kernel may be compiled at its first call."""
 
+import dataclasses
 import shutil
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from handmade import TINY, tiny_plan
+from handmade import TINY, random_weights, tiny_plan
 from hypothesis import settings
 
 from explore_bench.records import Store
+from explore_bench.registry import strategies
 from explore_bench.spec import TrialSpec
 from explore_bench.trial import TrialResult, run_trial
 
@@ -42,6 +44,33 @@ def own_store(stored, tmp_path) -> Store:
     folder: Path = tmp_path / "results"
     shutil.copytree(stored.store.folder, folder)
     return Store(folder)
+
+
+@pytest.fixture
+def untrained(monkeypatch):
+    """Return a function that takes the weights of these strategies away, of all without a name, until the test ends."""
+
+    def forget(*names):
+        known = strategies()
+        for name in names or [name for name, entry in known.items() if entry.trainer]:
+            monkeypatch.setitem(known, name, dataclasses.replace(known[name], weights={}))
+
+    return forget
+
+
+@pytest.fixture
+def trained(monkeypatch, tmp_path):
+    """Return a function that gives the strategy gcn-obs random weights of some training seeds instead of its own."""
+
+    def draw(*seeds):
+        weights = {seed: str(tmp_path / "weights" / f"gcn-obs-{seed}.safetensors") for seed in seeds}
+        for seed, path in weights.items():
+            random_weights(Path(path), seed)
+        known = strategies()
+        monkeypatch.setitem(known, "gcn-obs", dataclasses.replace(known["gcn-obs"], weights=weights))
+        return weights
+
+    return draw
 
 
 @pytest.fixture

@@ -48,6 +48,18 @@ def write_plugin(folder, later="return int(observation.path_lengths.argmin())", 
     return f"{file}:Plugin"
 
 
+def random_weights(path, seed=0):
+    """Write weights of a GCN-obs that has learned nothing, with their card; torch is imported by need."""
+    import torch
+
+    from baselines.learned.checkpoint import save_weights
+    from baselines.learned.gcn import GCN
+
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        save_weights(GCN(), path, {"training_seed": seed})
+
+
 def record(status="explored", scenario=TINY, strategy="nearest", trial=0, final=None, rows=None, reason="", **columns):
     """Return a record with these columns of step rows; the others are plain: numbered steps and unit covariances."""
     count = rows if rows is not None else len(next(iter(columns.values())))

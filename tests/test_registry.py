@@ -1,6 +1,8 @@
 """From names to entries: registered ones, modules, files, near spellings, and plugins that are broken."""
 
+import dataclasses
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -8,7 +10,7 @@ from handmade import write_plugin
 
 from explore_bench import registry
 from explore_bench.errors import RequestError, unknown
-from explore_bench.registry import GROUP, PLUGIN_COLORS, lookup, plugin_entry, strategies
+from explore_bench.registry import GROUP, PLUGIN_COLORS, lookup, parameter_count, plugin_entry, strategies
 from explore_bench.runner import check_runnable
 from explore_bench.strategy import Entry, describe, make_strategy, parse_factory
 from explore_bench.suites import plan
@@ -57,8 +59,11 @@ def test_no_two_strategies_share_a_label_or_a_colour():
     assert len({entry.color for entry in entries}) == len(entries)
 
 
-def test_every_registered_strategy_with_a_factory_can_be_made():
-    check_runnable(plan("paper", trials=1).specs)
+def test_every_registered_strategy_that_is_ready_can_be_made():
+    """With the weights of its first training seed, and at one size."""
+    first = {spec.strategy: spec for spec in reversed(plan("paper", trials=1).specs)}
+    assert first.keys() == {name for name, entry in strategies().items() if entry.ready}
+    check_runnable(list(first.values()))
 
 
 def test_a_registered_name_gives_its_entry():
@@ -185,6 +190,35 @@ def test_parameters_that_a_factory_refuses_are_named(tmp_path):
     assert "weight=0.5" in sentence
 
 
+def test_a_request_that_a_factory_refuses_itself_is_passed_on_unchanged(tmp_path):
+    """It says already what is wrong and what mends it."""
+    head = "from explore_bench.errors import RequestError"
+    factory = write_plugin(tmp_path, head=head)
+    file = tmp_path / "plugin.py"
+    file.write_text(
+        file.read_text().replace(
+            "    def reset", "    def __init__(self, weights): raise RequestError('no weights; train')\n\n    def reset"
+        )
+    )
+    assert message(make_strategy, factory, {"weights": "a.safetensors"}) == "no weights; train"
+
+
+def test_weights_that_are_gone_are_refused_in_the_words_of_the_strategy(trained):
+    from baselines.learned.gcn import strategy
+
+    [path] = trained(0).values()
+    Path(path).unlink()
+    specs = plan("smoke", ["gcn-obs"], trials=1).specs
+    assert message(check_runnable, specs) == message(strategy, path)
+    assert path in message(strategy, path)
+
+
+def test_every_training_seed_is_made_before_anything_runs(trained):
+    weights = trained(0, 1)
+    Path(weights[1]).write_bytes(b"half")
+    assert weights[1] in message(check_runnable, plan("smoke", ["gcn-obs"], trials=1).specs)
+
+
 @pytest.mark.parametrize(
     ("error", "text"),
     [
@@ -253,8 +287,73 @@ def test_an_entry_s_factory_is_checked():
         Entry("nonsense", "B")
 
 
-def test_an_entry_without_weights_has_no_factory():
-    assert strategies()["graph-stnn"].factory is None
+def test_a_strategy_that_is_not_learned_is_ready_without_weights():
+    entry = Entry("a:B", "B")
+    assert entry.ready
+    assert (entry.trainer, dict(entry.training), dict(entry.weights)) == (None, {}, {})
+
+
+def test_a_learned_strategy_is_ready_once_it_has_weights(untrained):
+    entry = Entry("a:B", "B", trainer="a:train")
+    assert not entry.ready
+    assert dataclasses.replace(entry, weights={3: "b-3.safetensors"}).ready
+    untrained()
+    known = strategies()
+    assert {name for name, entry in known.items() if not entry.ready} == {n for n, e in known.items() if e.trainer}
+
+
+def test_every_entry_has_a_factory_and_learned_ones_say_what_trains_them():
+    known = strategies()
+    assert all(entry.factory for entry in known.values())
+    assert {name for name, entry in known.items() if entry.trainer is None} == {
+        *("entropy", "uncertainty", "random", "nearest", "clairvoyant")
+    }
+
+
+def test_shipped_weights_are_named_by_strategy_and_training_seed_and_have_a_card_and_a_curve():
+    for name, entry in strategies().items():
+        for seed, weights in entry.weights.items():
+            path = Path(weights)
+            assert path.name == f"{name}-{seed}.safetensors"
+            assert path.is_absolute(), "workers run in other folders"
+            assert path.is_file()
+            assert path.with_suffix(".json").is_file()
+            assert path.with_suffix(".curve.csv").is_file()
+        assert list(entry.weights) == sorted(entry.weights)
+        assert entry.trainer or not entry.weights
+
+
+def test_strategies_are_of_the_tables_in_which_they_are_compared():
+    """The paper's own is in all of them; what needs no training is of Table 2 only."""
+    known = strategies()
+    assert known["graph-stnn"].tables == ("table2", "table3", "layers")
+    assert {known[name].tables for name in ("graph-stnn-1-layer", "graph-stnn-3-layers")} == {("layers",)}
+    assert {entry.tables for entry in known.values() if entry.trainer is None} == {("table2",)}
+    assert sum("table3" in entry.tables for entry in known.values()) == 7
+
+
+# Cards
+
+
+def test_the_number_of_parameters_is_that_of_the_weights(trained):
+    from safetensors.numpy import load_file
+
+    [path] = trained(0).values()
+    assert parameter_count(strategies()["gcn-obs"]) == sum(values.size for values in load_file(path).values())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [None, b"", b"{", b"[]", b"3", b"{}", b'{"parameter_count": null}', b'{"parameter_count": "many"}', b"\xff\xfe"],
+    ids=["missing", "empty", "half", "list", "number", "without the count", "null", "word", "bytes"],
+)
+def test_a_damaged_card_is_refused_by_its_file(trained, content):
+    [path] = trained(0).values()
+    card = Path(path).with_suffix(".json")
+    card.unlink() if content is None else card.write_bytes(content)
+    sentence = message(parameter_count, strategies()["gcn-obs"])
+    assert str(card) in sentence
+    assert "'GCN-obs'" in sentence
 
 
 def test_the_paper_s_values_are_keyed_by_table_size_and_metric():

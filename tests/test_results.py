@@ -29,6 +29,7 @@ from explore_bench.runner import Outcome
 from explore_bench.scenario import Scenario
 from explore_bench.spec import Status
 from explore_bench.statistics import mean_interval
+from explore_bench.suites import plan
 
 MAP = Scenario(size=20.0)
 
@@ -179,6 +180,29 @@ def test_the_rows_of_a_plan_are_selected_by_strategy_size_and_world(stored):
     assert list(found.index) == [0, 1]
 
 
+def seeded(times, **options):
+    """Return records of one strategy with so many steps for each (training seed, world)."""
+    return [with_spec(explored(n, trial=trial, **options), training_seed=seed) for (seed, trial), n in times.items()]
+
+
+def test_the_rows_of_a_plan_are_selected_by_training_seed_too(trained):
+    """A folder may hold trials of weights that are no longer asked for, and of the like without weights."""
+    trained(1, 4)
+    asked = plan("table2", ["gcn-obs"], [20.0], 2).specs
+    made = seeded({(seed, trial): 50 for seed in (None, 0, 1, 4) for trial in range(3)}, strategy="gcn-obs")
+    found = select(trial_table(made), asked)
+    assert list(zip(found["training_seed"], found["trial"], strict=True)) == [(1, 0), (1, 1), (4, 0), (4, 1)]
+    assert select(trial_table(made[:3]), asked).empty
+    assert len(select(trial_table(made[:3]), [dataclasses.replace(asked[0], training_seed=None)])) == 1
+
+
+def test_training_seeds_survive_the_file(tmp_path):
+    made = seeded({(3, 0): 50}, strategy="gcn-obs") + [explored(40)]
+    trial_table(made).to_csv(tmp_path / "trials.csv", index=False)
+    table = read_csv(tmp_path / "trials.csv", TRIAL_COLUMNS)
+    assert list(table["training_seed"]) == [3, pd.NA]
+
+
 # summary.csv
 
 
@@ -222,8 +246,10 @@ def test_the_paper_s_value_stands_only_in_the_table_that_prints_it(trials):
     graph = lines(summary, strategy="graph-stnn").set_index("table")["paper"]
     assert graph.to_dict() == {"table2": 0.8761, "table3": 1.0160}
     random = lines(summary, strategy="random").set_index("table")["paper"]
-    assert random["table2"] == 1.9614
-    assert math.isnan(random["table3"])
+    assert random.to_dict() == {"table2": 1.9614}
+    mine = lines(summary, strategy="mine").set_index("table")["paper"]
+    assert set(mine.index) == {"table2", "table3"}
+    assert mine.isna().all()
 
 
 def test_every_value_of_the_paper_is_in_the_summary_once(trials):
@@ -250,13 +276,25 @@ def test_a_plugin_stands_in_both_tables_after_the_registered_strategies(trials):
 
 def test_training_seeds_are_averaged_within_a_world_first():
     """Worlds count once each: n = 2, not 6."""
-    times = {(0, 0): 100, (1, 0): 140, (2, 0): 120, (0, 1): 220, (1, 1): 200, (2, 1): 180}
-    made = [with_spec(explored(n, trial=t), training_seed=seed) for (seed, t), n in times.items()]
-    table = trial_table(made)
+    table = trial_table(seeded({(0, 0): 100, (1, 0): 140, (2, 0): 120, (0, 1): 220, (1, 1): 200, (2, 1): 180}))
     assert by_world(table, "trajectory_error") == pytest.approx({0: 0.6, 1: 1.0})
     line = lines(summary_table(table), table="table2", strategy="nearest", metric="trajectory_error", size=20.0).iloc[0]
     expected = mean_interval(np.array([0.6, 1.0]))
     assert (line["n"], line["mean"], line["ci_low"]) == (2, pytest.approx(0.8), pytest.approx(expected.low))
+
+
+def test_worlds_weigh_alike_however_many_training_seeds_ran_on_them():
+    """Worlds 0 and 1 with two seeds and world 2 with one: (0.5 + 0.7) / 2, (0.8 + 1.0) / 2 and 2."""
+    table = trial_table(seeded({(0, 0): 100, (1, 0): 140, (0, 1): 160, (1, 1): 200, (1, 2): 400}))
+    assert by_world(table, "trajectory_error") == pytest.approx({0: 0.6, 1: 0.9, 2: 2.0})
+    line = lines(summary_table(table), table="table2", strategy="nearest", metric="trajectory_error", size=20.0).iloc[0]
+    assert (line["n"], line["mean"]) == (3, pytest.approx(3.5 / 3))
+
+
+def test_trials_of_every_training_seed_that_did_not_explore_are_counted():
+    made = seeded({(0, 0): 100, (1, 0): 140, (1, 1): 100}) + seeded({(0, 1): 90}, status="stuck")
+    line = lines(summary_table(trial_table(made)), table="table2", strategy="nearest", metric="decisions").iloc[0]
+    assert (line["n"], line["failed"]) == (2, 1)
 
 
 def test_a_value_that_is_missing_is_never_left_out_of_a_mean_over_training_seeds():
@@ -311,6 +349,18 @@ def test_times_of_later_runs_are_added_and_replace_those_of_the_same_trial(tmp_p
     table = read_csv(tmp_path / "times.csv", TIME_COLUMNS)
     found = list(zip(table["strategy"], table["trial"], table["seconds"], strict=True))
     assert found == [("nearest", 0, 2.0), ("nearest", 1, 3.0), ("nearest", 2, 4.0), ("random", 0, 5.0)]
+
+
+def test_times_tell_training_seeds_apart(tmp_path):
+    one, other = outcome(0, 1.0), outcome(0, 2.0)
+    other = dataclasses.replace(other, spec=dataclasses.replace(other.spec, training_seed=1))
+    write_times(tmp_path, [one, other])
+    write_times(tmp_path, [dataclasses.replace(other, seconds=3.0)])
+    table = read_csv(tmp_path / "times.csv", TIME_COLUMNS)
+    found = {
+        (None if pd.isna(seed) else seed): s for seed, s in zip(table["training_seed"], table["seconds"], strict=True)
+    }
+    assert found == {None: 1.0, 1: 3.0}
 
 
 def test_a_run_without_trials_leaves_the_times_alone(tmp_path):

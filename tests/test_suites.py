@@ -1,5 +1,6 @@
 """Suites and plans: what a request asks for, in which order, and what it may not ask for."""
 
+import dataclasses
 import math
 
 import pytest
@@ -11,6 +12,25 @@ from explore_bench.scenario import PAPER, Scenario
 from explore_bench.suites import SUITES, plan
 
 UNTRAINED_BASELINES = {"entropy", "uncertainty", "random", "nearest", "clairvoyant"}
+ABLATIONS = {
+    *("no-state", "no-temporal", "no-spatial"),
+    *("no-temporal-state", "no-spatial-state", "no-spatial-temporal"),
+}
+LEARNED = {
+    "table2": {"graph-stnn", "graph-stnn-plus", "gcn-no-obs", "gcn-obs", "gcn-obs-blind"},
+    "table3": {"graph-stnn", *ABLATIONS},
+    "layers": {"graph-stnn", "graph-stnn-1-layer", "graph-stnn-3-layers"},
+}
+
+
+@pytest.fixture
+def all_trained(monkeypatch):
+    """Give every learned strategy the weights of two training seeds; a plan does not look whether they are there."""
+    known = strategies()
+    for name, entry in known.items():
+        if entry.trainer:
+            weights = {seed: f"/nowhere/{name}-{seed}.safetensors" for seed in (0, 3)}
+            monkeypatch.setitem(known, name, dataclasses.replace(entry, weights=weights))
 
 
 def message(*arguments, **options):
@@ -22,6 +42,10 @@ def message(*arguments, **options):
 
 def cells(specs):
     return {(spec.strategy, spec.scenario.size, spec.trial) for spec in specs}
+
+
+def every_field(spec):
+    return spec.strategy, spec.scenario.size, spec.trial, spec.training_seed, spec.weights
 
 
 # What the suites hold
@@ -37,40 +61,94 @@ def test_table_2_runs_at_20_and_40_m_and_table_3_at_30_m_too_on_50_worlds():
     assert (SUITES["table3"].sizes, SUITES["table3"].trials) == ((20.0, 30.0, 40.0), 50)
 
 
-def test_the_paper_is_table_2_table_3_and_layers_without_repeats():
+def test_the_paper_is_table_2_table_3_and_layers_without_repeats_and_table_2_at_30_m(all_trained):
     paper = plan("paper").specs
     parts = [plan(name).specs for name in ("table2", "table3", "layers")]
-    assert cells(paper) == set().union(*map(cells, parts))
-    assert len(cells(paper)) == len(paper)
+    between = plan("table2", sizes=[30.0]).specs
+    assert cells(paper) == set().union(*map(cells, (*parts, between)))
+    assert len(set(map(every_field, paper))) == len(paper)
 
 
-def test_the_paper_suite_runs_every_strategy_that_needs_no_training_on_50_worlds_of_three_sizes():
+def test_the_paper_suite_runs_every_strategy_that_needs_no_training_on_50_worlds_of_three_sizes(untrained):
+    untrained()
     paper = plan("paper").specs
     assert cells(paper) == {
         (name, size, trial) for name in UNTRAINED_BASELINES for size in (20.0, 30.0, 40.0) for trial in range(50)
     }
 
 
-def test_smoke_looks_at_every_strategy_that_can_run():
+def test_the_paper_suite_runs_compared_methods_and_ablations_at_three_sizes_and_layers_at_20_m(all_trained):
+    sizes = {}
+    for spec in plan("paper", trials=1).specs:
+        sizes.setdefault(spec.strategy, set()).add(spec.scenario.size)
+    everywhere = UNTRAINED_BASELINES | LEARNED["table2"] | LEARNED["table3"]
+    assert sizes == {name: {20.0, 30.0, 40.0} for name in everywhere} | {
+        name: {20.0} for name in LEARNED["layers"] - everywhere
+    }
+
+
+def test_what_needs_no_training_is_no_part_of_table_3(all_trained):
+    assert {spec.strategy for spec in plan("table3", trials=1).specs} == LEARNED["table3"]
+
+
+def test_smoke_looks_at_every_compared_strategy_that_can_run(all_trained, untrained):
+    assert {spec.strategy for spec in plan("smoke").specs} == UNTRAINED_BASELINES | LEARNED["table2"]
+    untrained()
     assert {spec.strategy for spec in plan("smoke").specs} == UNTRAINED_BASELINES
 
 
-def test_strategies_without_weights_are_listed_and_not_run():
-    asked = plan("table2")
-    assert set(asked.untrained) == {"graph-stnn", "gcn-no-obs", "gcn-obs"}
-    assert not {spec.strategy for spec in asked.specs} & set(asked.untrained)
+@pytest.mark.parametrize("suite", LEARNED)
+def test_strategies_without_weights_are_listed_and_not_run(untrained, suite):
+    untrained()
+    asked = plan(suite)
+    assert set(asked.untrained) == LEARNED[suite]
+    assert {spec.strategy for spec in asked.specs} == (UNTRAINED_BASELINES if suite == "table2" else set())
 
 
-def test_layers_asks_for_the_strategies_of_figure_8_only():
-    asked = plan("layers")
-    assert asked.specs == ()
-    assert set(asked.untrained) == {"graph-stnn", "graph-stnn-1-layer", "graph-stnn-3-layers"}
+def test_layers_asks_for_the_strategies_of_figure_8_only(all_trained):
+    asked = plan("layers", trials=1)
+    assert {(spec.strategy, spec.scenario.size) for spec in asked.specs} == {(n, 20.0) for n in LEARNED["layers"]}
+    assert asked.untrained == ()
 
 
-def test_a_named_strategy_without_weights_is_listed_too():
+def test_a_named_strategy_without_weights_is_listed_too(untrained):
+    untrained("graph-stnn")
     asked = plan("table2", ["graph-stnn", "nearest"], trials=1)
     assert asked.untrained == ("graph-stnn",)
     assert {spec.strategy for spec in asked.specs} == {"nearest"}
+
+
+# Training seeds
+
+
+def test_a_learned_strategy_runs_with_the_weights_of_each_training_seed_on_the_same_worlds(all_trained):
+    specs = plan("table2", ["gcn-no-obs"], trials=3).specs
+    assert [(spec.scenario.size, spec.training_seed, spec.trial) for spec in specs] == [
+        (size, seed, trial) for size in (20.0, 40.0) for seed in (0, 3) for trial in range(3)
+    ]
+    assert {(spec.training_seed, spec.weights) for spec in specs} == {
+        (seed, f"/nowhere/gcn-no-obs-{seed}.safetensors") for seed in (0, 3)
+    }
+
+
+def test_weights_reach_the_factory_beside_the_parameters(all_trained):
+    spec = plan("table2", ["gcn-no-obs"], trials=1).specs[0]
+    assert spec.parameters == {"obstacles": False}
+    assert spec.arguments == {"obstacles": False, "weights": "/nowhere/gcn-no-obs-0.safetensors"}
+    assert spec.factory == strategies()["gcn-no-obs"].factory
+
+
+def test_a_strategy_that_is_not_learned_runs_once_without_weights(all_trained):
+    specs = plan("table2", ["nearest"], [20.0], 2).specs
+    assert [(spec.trial, spec.training_seed, spec.weights) for spec in specs] == [(0, None, None), (1, None, None)]
+    assert specs[0].arguments == {}
+
+
+def test_a_trial_draws_the_same_world_and_noise_whatever_the_training_seed(all_trained):
+    one, other = plan("table2", ["gcn-obs"], [20.0], 1).specs
+    assert (one.training_seed, other.training_seed) == (0, 3)
+    for role in ("world", "motion", "sensor", "strategy"):
+        assert one.generator(role).integers(10**9) == other.generator(role).integers(10**9)
 
 
 # Plans
