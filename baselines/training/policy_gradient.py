@@ -37,17 +37,17 @@ class PolicyGradientSettings:
     clip : largest norm of a gradient.
     """
 
-    episodes_per_update: int = 48
-    passes: int = 4
-    batch: int = 128
-    rate: float = 7e-4
-    final_rate: float = 5e-5
-    discount: float = 0.98
-    trace: float = 0.9
+    episodes_per_update: int = 96
+    passes: int = 3
+    batch: int = 256
+    rate: float = 1e-3
+    final_rate: float = 1e-4
+    discount: float = 0.99
+    trace: float = 0.95
     ratio: float = 0.2
     entropy: float = 0.02
     final_entropy: float = 0.0
-    decay: int = 10_000
+    decay: int = 8_000
     clip: float = 1.0
 
 
