@@ -3,20 +3,24 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pandas as pd
 import pytest
 from handmade import TINY, write_plugin
+from safetensors.numpy import load_file
 
 from explore_bench import runner
 from explore_bench.cli import main
 from explore_bench.records import PROTOCOL_FILE, Store
+from explore_bench.registry import strategies
 
-HEAVY = ("torch", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib")
+HEAVY = ("torch", "safetensors", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib")
 
 
 @pytest.fixture
@@ -278,8 +282,21 @@ def test_a_demo_of_another_kind_of_file(refused, tmp_path, tiny):
     assert ".gif" in line
 
 
-def test_a_demo_of_a_strategy_that_is_not_trained(refused):
-    assert "'graph-stnn' is not trained" in refused("demo", "graph-stnn")
+def test_a_demo_of_a_strategy_that_is_not_trained(refused, untrained, tmp_path):
+    untrained("graph-stnn")
+    assert "'graph-stnn' is not trained" in refused("demo", "graph-stnn", "--output", tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("file", ["weights", "card"])
+@pytest.mark.parametrize("damage", ["missing", "half"])
+def test_a_run_with_damaged_weights(refused, smoke, trained, tmp_path, file, damage):
+    path = Path(trained(0, 1)[1])
+    path = path if file == "weights" else path.with_suffix(".json")
+    path.unlink() if damage == "missing" else path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    line = refused(*smoke, "-s", "gcn-obs")
+    assert str(path) in line
+    assert "train" in line
+    assert not (tmp_path / "results").exists(), "nothing runs before every training seed can be made"
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.gif"])
@@ -342,7 +359,8 @@ def test_progress_is_in_plain_lines_where_there_is_no_terminal(call, smoke):
     assert err.splitlines() == ["1 of 3 trials", "2 of 3 trials", "3 of 3 trials"]
 
 
-def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch):
+def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained):
+    untrained()
     monkeypatch.setattr(runner, "run_trial", lambda *_: pytest.fail("a trial was run"))
     code, out, err = call(*smoke, "--trials", 2, "--dry-run")
     assert (code, err) == (0, "")
@@ -360,13 +378,31 @@ def test_a_dry_run_of_a_folder_with_records_counts_them_and_leaves_it_alone(call
     assert everything(own_store.folder) == before
 
 
-def test_strategies_that_are_not_trained_are_no_failure(call, smoke):
+def test_a_learned_strategy_runs_with_every_training_seed_and_is_reported(call, smoke, tmp_path, trained):
+    trained(0, 3)
+    code, out, err = call(*smoke, "-s", "gcn-obs", "-s", "nearest", "--trials", 2)
+    assert code == 0, err
+    assert "plan: 6 trials, 0 stored, 6 to do" in out
+    table = pd.read_csv(tmp_path / "results" / "trials.csv", dtype={"training_seed": "Int64"})
+    learned = table[table["strategy"] == "gcn-obs"]
+    assert list(zip(learned["training_seed"], learned["trial"], strict=True)) == [(0, 0), (0, 1), (3, 0), (3, 1)]
+    assert (table.groupby("trial")["world"].nunique() == 1).all(), "the same worlds as all others"
+    assert "6 trials, 6 stored, 0 to do" in call(*smoke, "-s", "gcn-obs", "-s", "nearest", "--trials", 2)[1]
+    code, _, err = call("report", "--results", tmp_path / "results")
+    assert code == 0, err
+    summary = pd.read_csv(tmp_path / "results" / "summary.csv").set_index(["strategy", "size", "metric"])
+    assert summary.loc[("gcn-obs", 12.0, "trajectory_error"), "n"] == 2, "worlds, not training seeds"
+
+
+def test_strategies_that_are_not_trained_are_no_failure(call, smoke, untrained):
+    untrained("graph-stnn")
     code, out, _ = call(*smoke, "-s", "graph-stnn", "-s", "nearest", "--trials", 1)
     assert code == 0
     assert "not trained: graph-stnn" in out
 
 
-def test_a_run_of_nothing_but_strategies_that_are_not_trained_measures_nothing(call, tmp_path):
+def test_a_run_of_nothing_but_strategies_that_are_not_trained_measures_nothing(call, tmp_path, untrained):
+    untrained()
     code, out, _ = call("run", "layers", "--results", tmp_path / "results")
     assert code == 3
     assert "not trained: graph-stnn" in out
@@ -557,7 +593,7 @@ def test_a_demo_of_a_trial_that_fails_is_drawn_and_the_answer_is_no(call, tmp_pa
 @pytest.mark.parametrize(
     ("what", "words"),
     [
-        ("strategies", ["nearest", "not trained", "reference: told the truth", "table2"]),
+        ("strategies", ["nearest", "ready", "reference: told the truth", "table2", "layers"]),
         ("scenarios", ["paper", "chen2020"]),
         ("suites", ["smoke", "paper", "20, 30, 40", "50"]),
         ("metrics", ["trajectory_error", "regret", "m²/step", "Eq. 3", "lower"]),
@@ -567,6 +603,47 @@ def test_lists(call, what, words):
     code, out, err = call("list", what)
     assert (code, err) == (0, "")
     assert all(word in out for word in words)
+
+
+@pytest.fixture
+def listed(call):
+    """Return a function that gives the columns of each strategy in the list, by its name."""
+
+    def read():
+        code, out, err = call("list")
+        assert (code, err) == (0, "")
+        header, *rows = [re.split(r" {2,}", line) for line in out.splitlines()]
+        assert header == ["name", "label", "tables", "state", "parameters"]
+        return {name: columns for name, *columns in rows}
+
+    return read
+
+
+def test_the_list_says_what_is_not_trained(listed, untrained):
+    untrained()
+    states = {name: columns[2:] for name, columns in listed().items()}
+    assert list(states) == list(strategies())
+    for name, entry in strategies().items():
+        assert states[name] == [
+            "not trained" if entry.trainer else "reference: told the truth" if entry.reference else "ready"
+        ]
+
+
+def test_the_list_shows_training_seeds_and_parameter_counts(listed, trained):
+    [path] = trained(2).values()
+    count = sum(values.size for values in load_file(path).values())
+    assert count > 1000
+    assert listed()["gcn-obs"][2:] == ["learned, 1 training seed", f"{count:,}"]
+    trained(0, 1, 2)
+    assert listed()["gcn-obs"][2:] == ["learned, 3 training seeds", f"{count:,}"]
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"parameter_count": "many"}'])
+def test_a_list_with_a_damaged_card(refused, trained, content):
+    [path] = trained(0).values()
+    card = Path(path).with_suffix(".json")
+    card.write_text(content)
+    assert f"card '{card}' of 'GCN-obs' cannot be read" in refused("list")
 
 
 def test_the_list_without_a_word_is_that_of_the_strategies(call):

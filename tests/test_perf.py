@@ -2,6 +2,7 @@
 
 import json
 import statistics
+from types import SimpleNamespace
 
 import pytest
 
@@ -29,7 +30,8 @@ def cheap(monkeypatch):
     monkeypatch.setattr(perf, "_steps", made_up)
     monkeypatch.setattr(perf, "TRIALS", 2)
     monkeypatch.setattr(perf, "_decision_ms", lambda name, entry, size: size / 10)
-    monkeypatch.setattr(perf, "strategies", lambda: {"nearest": NEAREST, "learned": Entry(None, "Learned")})
+    untrained = Entry("nowhere:learned", "Learned", trainer="nowhere:train")
+    monkeypatch.setattr(perf, "strategies", lambda: {"nearest": NEAREST, "learned": untrained})
 
 
 def test_ratios_and_growth_worked_by_hand(cheap):
@@ -125,6 +127,22 @@ def test_the_time_of_a_decision_is_that_of_the_strategy(monkeypatch, tmp_path):
     )
     assert 10.0 <= perf._decision_ms("slow", Entry(f"{file}:Slow", "Slow"), 20.0) < 30.0
     assert perf._decision_ms("nearest", NEAREST, 20.0) < 5.0
+
+
+def test_a_learned_strategy_decides_with_the_weights_of_its_first_training_seed(monkeypatch):
+    asked = []
+
+    def remember(spec):
+        asked.append(spec)
+        return SimpleNamespace(decision_seconds=[0.002])
+
+    monkeypatch.setattr(perf, "run_trial", remember)
+    weights = {2: "two.safetensors", 5: "five.safetensors"}
+    entry = Entry("a:b", "Learned", parameters={"layers": 1}, trainer="a:train", weights=weights)
+    assert perf._decision_ms("learned", entry, 20.0) == pytest.approx(2.0)
+    assert len(asked) == perf.DECISION_TRIALS
+    assert {spec.purpose for spec in asked} == {"calibrate"}
+    assert all(spec.arguments == {"layers": 1, "weights": "two.safetensors"} for spec in asked)
 
 
 @pytest.mark.slow

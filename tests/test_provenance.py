@@ -12,7 +12,16 @@ import pytest
 from handmade import TINY, tiny_plan, write_plugin
 
 from explore_bench import provenance
-from explore_bench.provenance import code_digest, installed_version, library_versions, spec_values, trial_key
+from explore_bench.provenance import (
+    code_digest,
+    forget_code,
+    installed_version,
+    library_versions,
+    scenario_digest,
+    spec_values,
+    trial_key,
+    weights_digest,
+)
 from explore_bench.scenario import Scenario
 from explore_bench.spec import TrialSpec
 from explore_bench.strategy import parse_factory
@@ -107,9 +116,76 @@ def test_a_key_is_the_same_in_another_process():
 
 
 def test_a_specification_survives_json():
-    spec = changed(parameters={"w": 1 / 3, "deep": {"a": [1, 2]}}, training_seed=4, reference=True)
+    spec = changed(parameters={"w": 1 / 3, "deep": {"a": [1, 2]}}, training_seed=4, reference=True, weights="a/b.c")
     values = json.loads(json.dumps(spec_values(spec)))
     assert TrialSpec(**{**values, "scenario": Scenario(**values["scenario"])}) == spec
+
+
+# Weights
+
+
+@pytest.fixture
+def weighed(tmp_path, fresh_digests):
+    """Return a function that writes a file of weights and returns the key of a trial with them."""
+
+    def write(content, place="a/weights-0.safetensors"):
+        file = tmp_path / place
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+        fresh_digests()
+        return trial_key(changed(weights=str(file)))
+
+    return write
+
+
+def test_the_bytes_of_the_weights_change_the_key(weighed):
+    keys = [weighed(content) for content in (b"one", b"two", b"one ", b"", b"one")]
+    assert keys[0] == keys[-1]
+    assert len(set(keys)) == 4
+    assert trial_key(BASE) not in keys
+
+
+def test_the_weights_may_lie_anywhere(weighed):
+    """Neither their folder nor their name is part of the key, so that records can be compared between machines."""
+    assert weighed(b"one") == weighed(b"one", "b/weights-0.safetensors") == weighed(b"one", "other.safetensors")
+
+
+def test_weights_that_are_gone_have_a_key_of_their_own(weighed, tmp_path, fresh_digests):
+    before = weighed(b"one", "gone.safetensors")
+    (tmp_path / "gone.safetensors").unlink()
+    fresh_digests()
+    after = trial_key(changed(weights=str(tmp_path / "gone.safetensors")))
+    assert after not in (before, trial_key(BASE))
+    assert weights_digest(str(tmp_path / "gone.safetensors")) == "absent"
+
+
+def test_the_training_seed_counts_beside_the_weights(weighed, tmp_path):
+    """Two trainings may end alike, and their rows are two all the same."""
+    weighed(b"one")
+    spec = changed(weights=str(tmp_path / "a" / "weights-0.safetensors"), training_seed=0)
+    assert trial_key(spec) != trial_key(dataclasses.replace(spec, training_seed=1))
+
+
+def test_weights_that_were_trained_anew_are_seen_once_the_code_is_read_anew(weighed, tmp_path):
+    before = weighed(b"one")
+    file = tmp_path / "a" / "weights-0.safetensors"
+    file.write_bytes(b"two")
+    spec = changed(weights=str(file))
+    assert trial_key(spec) == before, "within a run they do not change"
+    forget_code()
+    assert trial_key(spec) != before
+
+
+# The digest of a scenario
+
+
+def test_a_scenario_s_digest_is_twelve_hexadecimal_digits_of_its_constants():
+    digest = scenario_digest(TINY)
+    assert len(digest) == 12
+    int(digest, 16)
+    assert scenario_digest(TINY.replace(sensor_range=TINY.sensor_range)) == digest
+    others = {scenario_digest(TINY.replace(**{name: 2 * getattr(TINY, name)})) for name in ("size", "odometry_sigma")}
+    assert len(others | {digest}) == 3
 
 
 # The source of a strategy
@@ -272,6 +348,21 @@ def test_slam_is_followed_as_far_as_the_strategy_uses_it():
     """Only a strategy that predicts depends on how that is done."""
     assert modules("baselines.entropy:Entropy") >= sources("slam")
     assert "explore_bench.slam.prediction" not in modules("baselines.nearest:Nearest")
+
+
+@pytest.mark.parametrize("module", ["gcn", "graph_stnn", "graph_stnn_plus"])
+def test_a_learned_strategy_is_followed_into_its_network_and_not_into_its_training(module):
+    """How weights came about does not matter to a trial: they are part of its key themselves."""
+    followed = modules(f"baselines.learned.{module}:strategy")
+    assert {f"baselines.learned.{name}" for name in (module, "policy", "checkpoint")} <= followed
+    assert not [name for name in followed if name.startswith("baselines.training")]
+    assert {"explore_bench.reward", "explore_bench.training_curve"}.isdisjoint(followed)
+    assert "torch" in library_versions(f"baselines.learned.{module}")
+
+
+def test_one_learned_strategy_does_not_depend_on_the_networks_of_another():
+    assert "baselines.learned.graph_stnn" not in modules("baselines.learned.gcn:strategy")
+    assert "baselines.learned.gcn" not in modules("baselines.learned.graph_stnn:strategy")
 
 
 @pytest.mark.parametrize("kind", ["from explore_bench.slam import predict", "import explore_bench.slam.prediction"])

@@ -491,6 +491,37 @@ def test_trials_of_a_plugin_that_is_gone_or_broken_are_left_out_and_counted(
     assert store.records() == ([], 1)
 
 
+@pytest.fixture
+def weighed(store, stored, tmp_path):
+    """Return a stored trial of two training seeds each, and the files of their weights."""
+    files = [tmp_path / f"weights-{seed}.safetensors" for seed in (0, 1)]
+    for file in files:
+        file.write_bytes(file.name.encode())
+    specs = [
+        dataclasses.replace(stored.specs[0], training_seed=seed, weights=str(file)) for seed, file in enumerate(files)
+    ]
+    for spec in specs:
+        store.write(dataclasses.replace(stored.results[0], spec=spec))
+    return specs, files
+
+
+def test_trials_of_two_training_seeds_are_two_records_and_come_back_exactly(store, weighed):
+    specs, _ = weighed
+    records, stale = store.records()
+    assert ([record.spec for record in records], stale) == (specs, 0)
+    assert list(missing(store, specs)) == []
+
+
+@pytest.mark.parametrize("change", ["unlink", "other bytes"])
+def test_trials_of_other_weights_are_left_out_and_counted(store, weighed, fresh_digests, change):
+    specs, files = weighed
+    files[0].unlink() if change == "unlink" else files[0].write_bytes(b"trained anew")
+    fresh_digests()
+    records, stale = store.records()
+    assert ([record.spec for record in records], stale) == (specs[1:], 1)
+    assert list(missing(store, specs)) == specs[:1]
+
+
 def test_trials_of_other_libraries_are_left_out_and_counted(monkeypatch, own_store, stored):
     monkeypatch.setattr("explore_bench.provenance.library_versions", lambda place: {"numpy": "0.1"})
     assert own_store.records() == ([], len(stored.specs))

@@ -74,6 +74,17 @@ def test_a_plan_run_in_two_parts_gives_the_same_files_byte_for_byte(sequential, 
     assert files(other) == files(store)
 
 
+def test_learned_strategies_give_the_same_files_in_workers_byte_for_byte(trained, tmp_path):
+    trained(0, 1)
+    specs = tiny_plan(["gcn-obs"], trials=2)
+    alone, together = opened(tmp_path / "alone"), opened(tmp_path / "together")
+    table = complete(specs, alone, 1, "sequential")
+    complete(specs[::-1], together, 2)
+    assert list(zip(table["training_seed"], table["trial"], strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert "failed" not in set(table["status"]), table["reason"].iloc[0]
+    assert files(together) == files(alone)
+
+
 # What execute yields
 
 
@@ -303,6 +314,25 @@ def test_a_trial_that_kills_its_worker_is_a_failed_row_and_the_others_go_on(stor
     assert "worker process died" in killers["reason"].iloc[0]
     assert set(table[table["strategy"] == "nearest"]["status"]) == {"explored"}
     assert list(missing(store, [*good, *bad])) == list(bad), "what was killed from outside is worth another try"
+
+
+def test_a_trial_whose_worker_is_killed_from_outside_runs_again_and_counts(store, tmp_path):
+    """Larger maps run first: the others wait behind it, or are lost with it, and none of them is lost for good."""
+    mark = tmp_path / "mark"
+    lines = f"""
+        if not os.path.exists({str(mark)!r}):
+            open({str(mark)!r}, "w").close()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return int(observation.path_lengths.argmin())
+    """
+    plugin = write_plugin(tmp_path, lines, head="import os, signal")
+    specs = [*plan("smoke", [plugin], [16.0], 1, scenario=TINY).specs, *tiny_plan(["nearest"], trials=5)]
+    done = []
+    table = complete(specs, store, 2, progress=done.append)
+    assert mark.exists()
+    assert set(table["status"]) == {"explored"}
+    assert names(outcome.spec for outcome in done) == names(specs), "each is reported once"
+    assert list(missing(store, specs)) == []
 
 
 def test_a_trial_that_cannot_be_interrupted_ends_the_run_as_incomplete(store, tmp_path, monkeypatch):

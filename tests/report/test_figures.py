@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from explore_bench.metrics import CURVES, curve
 from explore_bench.records import Store
 from explore_bench.registry import strategies
-from explore_bench.report import figures
+from explore_bench.report import figures, style
 from explore_bench.report.figures import CURVE_FIGURES, write_figures
 from explore_bench.report.render import write_report
 from explore_bench.report.style import entry_of, save, styled
@@ -72,7 +72,7 @@ def drawn(monkeypatch):
             ]
             seen[path.stem + " legend"] = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
-    monkeypatch.setattr(figures, "save", look)
+    monkeypatch.setattr(style, "save", look)
 
     def draw(store, records=None):
         seen.clear()
@@ -115,6 +115,7 @@ def test_a_plugin_is_drawn_alone_in_both_tables_figures(tmp_path, drawn):
 
 def test_every_figure_of_the_paper_s_results_has_its_table_and_size():
     assert CURVE_FIGURES == {
+        "figure-08": ("layers", 20.0),
         "figure-10": ("table2", 20.0),
         "figure-11": ("table2", 40.0),
         "figure-13": ("table3", 20.0),
