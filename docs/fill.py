@@ -20,7 +20,9 @@ import pandas as pd
 
 from explore_bench.perf import Part, Perf, text
 from explore_bench.registry import strategies
+from explore_bench.results import by_world, read_csv
 from explore_bench.scenario import PAPER
+from explore_bench.statistics import paired_difference
 from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, STEP_COLUMNS
 
 ROOT = Path(__file__).parents[1]
@@ -31,6 +33,19 @@ PAGES = (
     *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "learning", "performance", "protocol", "records")),
 )
 PAGES = (*PAGES, "docs/uncertainty-weight.md")
+MARGINS = {"trajectory_error": "e", "exploration_efficiency": "η"}
+PAIRS = (
+    ("graph-stnn", "uncertainty"),
+    ("graph-stnn", "gcn-obs"),
+    ("gcn-obs", "gcn-no-obs"),
+    ("gcn-obs", "gcn-obs-blind"),
+    *(("graph-stnn", name) for name, entry in strategies().items() if entry.tables == ("table3",)),
+    *(
+        ("graph-stnn-plus", name)
+        for name, entry in strategies().items()
+        if not entry.reference and name != "graph-stnn-plus"
+    ),
+)
 CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
 
 
@@ -130,6 +145,46 @@ def learning_settings() -> str:
     return _markdown(pd.read_csv(STUDIES / "learning-settings.csv"))
 
 
+def margins() -> str:
+    """Relative differences of e and η between pairs of strategies, paired by world."""
+    trials = read_csv(ROOT / "results" / "trials.csv", ("strategy", "size", "trial", *MARGINS))
+    sizes = sorted(set(trials["size"]))
+    rows = []
+    for a, b in PAIRS:
+        cells = {f"{symbol}, {s:g} m": _margin(trials, a, b, s, m) for m, symbol in MARGINS.items() for s in sizes}
+        rows.append({"pair": f"`{a}` to `{b}`", **cells})
+    return _markdown(pd.DataFrame(rows))
+
+
+def _margin(trials: pd.DataFrame, a: str, b: str, size: float, metric: str) -> str:
+    """(mean of a − mean of b) / mean of b with the interval of the paired difference."""
+    here = trials[trials["size"] == size]
+    own, other = (by_world(here[here["strategy"] == name], metric) for name in (a, b))
+    if not own or not other:
+        return "–"
+    estimate, mean = paired_difference(own, other), sum(other.values()) / len(other)
+    text = [f"{100 * value / mean:+.0f}".replace("-", "−") for value in (estimate.mean, estimate.low, estimate.high)]
+    return f"{text[0]} % [{text[1]}, {text[2]}]"
+
+
+def regrets() -> str:
+    """Mean regret to the clairvoyant of every strategy and size."""
+    summary = read_csv(ROOT / "results" / "summary.csv", ("strategy", "size", "metric", "mean"))
+    own = summary[summary["metric"] == "regret"].drop_duplicates(["strategy", "size"])
+    table = pd.DataFrame(
+        {
+            f"{size:g} m": {
+                f"`{line.strategy}`": f"{line.mean:.2f} [{line.ci_low:.2f}, {line.ci_high:.2f}]"
+                for line in here.itertuples()
+                if not strategies()[str(line.strategy)].reference
+            }
+            for size, here in own.groupby("size")
+        }
+    ).fillna("–")
+    table.insert(0, "regret", table.index)
+    return _markdown(table)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "table2": table2,
     "calibration-result": calibration_result,
@@ -141,6 +196,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "columns": columns,
     "perf": performance,
     "weights": weights,
+    "margins": margins,
+    "regrets": regrets,
     "learning-settings": learning_settings,
 }
 
