@@ -10,7 +10,7 @@ WINDOW = 10_000
 CURVE_COLUMNS: dict[str, str] = {
     "steps": "simulated so far",
     "episodes": "played so far",
-    "decisions": "of the row's episodes",
+    "decisions": "made so far",
     "reward": "of a decision (Eq. 24), mean",
     "time": "T of an episode [steps], mean",
     "efficiency": "η of an episode [m²/step], mean (Eq. 2)",
