@@ -26,17 +26,27 @@ TRIALS = 2
 
 
 def filled(folder, names, scenario=None, trials=TRIALS, sizes=(20.0,)):
+    specs = plan("table2", names, sizes, trials, scenario=scenario).specs
+    return kept(folder, map(run_trial, specs), scenario)
+
+
+def kept(folder, results, scenario=None):
     store = Store(folder)
     store.open(0, "evaluate", scenario or Scenario())
-    for spec in plan("table2", names, sizes, trials, scenario=scenario).specs:
-        store.write(run_trial(spec))
+    for result in results:
+        store.write(result)
     return store
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    """Return the records of three strategies in two worlds of 20 m."""
-    return filled(tmp_path_factory.mktemp("figures") / "results", NAMES)
+def results():
+    """Return the trials of three strategies in two worlds of 20 m."""
+    return [run_trial(spec) for spec in plan("table2", NAMES, (20.0,), TRIALS).specs]
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, results):
+    return kept(tmp_path_factory.mktemp("figures") / "results", results)
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +115,15 @@ def test_no_curve_figure_is_drawn_where_only_strategies_ran_that_the_paper_does_
 def test_without_trials_nothing_is_drawn(store, tmp_path):
     assert write_figures(store, [], tmp_path) == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_figures_of_an_earlier_report_that_are_no_longer_drawn_are_removed(store, records, tmp_path):
+    own = [record for record in records if record.spec.trial == 0]
+    assert names_of(write_figures(store, own, tmp_path)) == ["figure-06", "figure-10a", "figure-10b"]
+    (tmp_path / "mine.png").write_bytes(b"")
+    few = [record for record in own if record.spec.strategy == "nearest"]
+    assert names_of(write_figures(store, few, tmp_path)) == ["figure-06"]
+    assert {path.name for path in tmp_path.iterdir()} == {"figure-06.svg", "figure-06.png", "mine.png"}
 
 
 def test_a_plugin_is_drawn_alone_in_both_tables_figures(tmp_path, drawn):
@@ -194,6 +213,72 @@ def test_trials_that_take_fewer_than_eight_steps_can_be_drawn(tmp_path, drawn):
     store = filled(tmp_path / "results", ["random"], Scenario(size=20.0, sensor_range=14.0, coverage=0.7))
     assert max(record.steps["step"][-1] for record in store.records()[0]) < 7
     assert "figure-10b" in drawn(store)
+
+
+# Training seeds
+
+
+@pytest.fixture
+def learned(results, trained, tmp_path):
+    """Return records of GCN-obs with two training seeds in two worlds: the trials of Random and of Nearest."""
+    specs = plan("table2", ["gcn-obs"], (20.0,), TRIALS).specs if trained(0, 1) else ()
+    of = {(result.spec.strategy, result.spec.trial): result for result in results}
+    took = [of[("random", "nearest")[spec.training_seed], spec.trial] for spec in specs]
+    return kept(tmp_path / "results", [dataclasses.replace(r, spec=s) for s, r in zip(specs, took, strict=True)])
+
+
+def test_training_seeds_are_averaged_within_a_world(learned):
+    records = learned.records()[0]
+    assert [(r.spec.training_seed, r.spec.trial) for r in records] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    for name in CURVES:
+        values = figures._by_world(records, name, 50)
+        assert values.shape == (TRIALS, 50)
+        for world, own in enumerate(values):
+            seeds = [curve(record, name, 50) for record in records if record.spec.trial == world]
+            assert len(seeds) == 2
+            assert own == pytest.approx((seeds[0] + seeds[1]) / 2, nan_ok=True)
+
+
+def test_worlds_weigh_alike_in_a_curve_however_many_training_seeds_ran_on_them(learned):
+    """World 0 with two seeds, world 1 with one."""
+    records = learned.records()[0][:3]
+    values = figures._by_world(records, "explored", 50)
+    assert values[1] == pytest.approx(curve(records[1], "explored", 50))
+    assert values[0] == pytest.approx((curve(records[0], "explored", 50) + curve(records[2], "explored", 50)) / 2)
+
+
+def test_a_learned_strategy_has_one_line_over_its_worlds_whatever_its_training_seeds(learned, drawn):
+    shown = drawn(learned)
+    assert shown["figure-10b legend"] == ["GCN-obs"]
+    panels = shown["figure-10b"]
+    for name, panel in zip(CURVES, panels[:3], strict=True):
+        [(color, _, label, values)] = panel.lines
+        assert (color, label) == (strategies()["gcn-obs"].color, "GCN-obs")
+        expected = figures._by_world(learned.records()[0], name, len(values)).mean(axis=0)
+        assert values == pytest.approx(expected, nan_ok=True)
+    [(_, _, _, running)] = panels[3].lines
+    assert running[0] == TRIALS, "worlds, not trials"
+
+
+def test_the_example_of_a_learned_strategy_is_that_of_its_first_training_seed(learned, drawn):
+    shown = drawn(learned)
+    first = learned.records()[0][0]
+    assert (first.spec.training_seed, first.spec.trial) == (0, 0)
+    [panel] = [panel for panel in shown["figure-10a"] if panel.title]
+    assert panel.title == f"GCN-obs: explored after {first.steps['step'][-1]} steps"
+
+
+def test_the_figure_of_the_layers_shows_the_strategies_of_its_table(results, monkeypatch, tmp_path, drawn):
+    """The paper prints no table of them, so nothing is left out of the figure."""
+    name = "graph-stnn-1-layer"
+    weights = tmp_path / "weights-0.safetensors"
+    weights.write_bytes(b"")
+    monkeypatch.setitem(strategies(), name, dataclasses.replace(strategies()[name], weights={0: str(weights)}))
+    [spec] = plan("layers", [name], trials=1).specs
+    store = kept(tmp_path / "results", [dataclasses.replace(results[0], spec=spec)])
+    shown = drawn(store)
+    assert shown["figure-08b legend"] == ["Graph-STNN, 1 GCN layer"]
+    assert {key for key in shown if "legend" not in key} == {"figure-08a", "figure-08b"}
 
 
 # Examples in the manner of Figure 6

@@ -1,18 +1,22 @@
 """Training figures from curves made by hand, and curves averaged over training seeds."""
 
 import dataclasses
+import math
+from types import SimpleNamespace
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
 from handmade import record, with_spec
+from matplotlib.colors import to_hex
 
 from explore_bench.errors import RequestError
 from explore_bench.registry import strategies
-from explore_bench.report import training
+from explore_bench.report import style, training
 from explore_bench.report.figures import _by_world
-from explore_bench.report.training import TRAINING_FIGURES, on_one_axis, write_training_figures
-from explore_bench.training_curve import CURVE_COLUMNS, curve_path
+from explore_bench.report.training import PANELS, TRAINING_FIGURES, on_one_axis, write_training_figures
+from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
 
 
 def curve(steps, **columns):
@@ -38,6 +42,37 @@ def ship(monkeypatch, tmp_path):
     return put
 
 
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """Draw the figures without writing them; returns what each showed, by the name of its file."""
+    seen = {}
+
+    def look(figure, path):
+        if path.suffix == ".svg":
+            panels = [
+                SimpleNamespace(
+                    title=axes.get_title(),
+                    lines={line.get_label(): line for line in axes.get_lines()},
+                    bands=list(axes.collections),
+                )
+                for axes in figure.axes
+            ]
+            legend = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+            seen[path.stem] = SimpleNamespace(panels=panels, legend=legend)
+
+    monkeypatch.setattr(style, "save", look)
+
+    def draw():
+        seen.clear()
+        write_training_figures(tmp_path / "figures")
+        return dict(seen)
+
+    return draw
+
+
+STRAIGHT = curve([10_000, 20_000, 30_000], reward=[-3.0, -2.0, -1.0], efficiency=[0.5, 0.6, 0.7], error=[3.0, 2.0, 1.0])
+
+
 def test_the_curve_lies_beside_the_weights(tmp_path):
     assert curve_path(tmp_path / "a-1.safetensors") == tmp_path / "a-1.curve.csv"
 
@@ -48,6 +83,98 @@ def test_curves_of_seeds_meet_on_one_axis_up_to_the_end_of_the_shortest():
     )
     assert steps.tolist() == [20_000]
     assert values.tolist() == [[1.0], [4.0]]
+
+
+def test_values_between_rows_are_interpolated_worked_by_hand():
+    """Rows at 5000, 15000 and 25000; three windows, so that the points are 12500 and 25000."""
+    steps, values = on_one_axis([curve([5_000, 15_000, 25_000], error=[4.0, 2.0, 3.0])], "error")
+    assert steps == pytest.approx([12_500, 25_000])
+    assert values == pytest.approx(np.array([[2.5, 3.0]]))
+
+
+def test_a_curve_of_one_row_is_a_point():
+    steps, values = on_one_axis([curve([12_345], reward=[0.5])], "reward")
+    assert (steps[-1], values[0, -1]) == (12_345, 0.5)
+
+
+def test_there_is_about_a_point_a_window_at_even_distances():
+    steps, _ = on_one_axis([curve([WINDOW * i for i in range(1, 101)])], "reward")
+    assert len(steps) == pytest.approx(100, abs=1)
+    assert np.diff(steps) == pytest.approx(np.diff(steps)[0])
+
+
+def test_a_row_without_a_value_takes_none_from_others():
+    gap = curve([10_000, 20_000, 30_000, 40_000, 50_000], reward=[1.0, 2.0, math.nan, 4.0, 5.0])
+    steps, values = on_one_axis([gap], "reward")
+    known = ~np.isnan(values[0])
+    assert values[0][known] == pytest.approx(steps[known] / 10_000)
+    assert known[[0, -1]].all()
+    assert not known.all()
+
+
+@pytest.mark.parametrize(
+    ("name", "figures"),
+    [
+        ("graph-stnn", {"figure-07", "figure-09", "figure-12"}),
+        ("graph-stnn-1-layer", {"figure-07"}),
+        ("gcn-obs", {"figure-09"}),
+        ("no-state", {"figure-12"}),
+    ],
+)
+def test_a_strategy_with_a_curve_is_in_the_figures_of_its_tables_only(ship, drawn, name, figures):
+    ship(**{name: [STRAIGHT]})
+    assert drawn().keys() == figures
+
+
+def test_a_line_per_strategy_in_its_colour_and_a_panel_per_measure(ship, drawn):
+    ship(gcn_obs=[STRAIGHT], graph_stnn=[STRAIGHT])
+    shown = drawn()["figure-09"]
+    assert list(PANELS) == ["reward", "efficiency", "error"]
+    assert [panel.title for panel in shown.panels] == list(PANELS.values())
+    assert shown.legend == ["Graph-STNN", "GCN-obs"], "in the registered order"
+    for column, panel in zip(PANELS, shown.panels, strict=True):
+        assert not panel.bands, "one seed has no spread"
+        for name in ("graph-stnn", "gcn-obs"):
+            entry = strategies()[name]
+            line = panel.lines[entry.label]
+            assert to_hex(line.get_color()) == entry.color
+            steps, values = on_one_axis([STRAIGHT], column)
+            assert np.array(line.get_xdata()) == pytest.approx(steps)
+            assert np.array(line.get_ydata()) == pytest.approx(values[0])
+
+
+def test_training_seeds_are_their_mean_with_a_band_from_lowest_to_highest(ship, drawn):
+    higher = STRAIGHT.assign(reward=STRAIGHT["reward"] + 2.0)
+    ship(gcn_obs=[STRAIGHT, higher])
+    shown = drawn()["figure-09"]
+    assert shown.legend == ["GCN-obs (2 seeds)"]
+    panel = shown.panels[list(PANELS).index("reward")]
+    [line], [band] = panel.lines.values(), panel.bands
+    _, values = on_one_axis([STRAIGHT, higher], "reward")
+    assert np.array(line.get_ydata()) == pytest.approx(values[0] + 1.0)
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert (heights.min(), heights.max()) == pytest.approx((values[0].min(), values[1].max()))
+
+
+def test_a_training_seed_without_a_curve_is_left_out(ship, drawn):
+    ship(gcn_obs=[STRAIGHT, None])
+    assert drawn()["figure-09"].legend == ["GCN-obs"]
+
+
+def test_styles_and_figures_do_not_leak(ship, drawn):
+    before = dict(matplotlib.rcParams)
+    ship(gcn_obs=[STRAIGHT])
+    assert drawn()
+    assert dict(matplotlib.rcParams) == before
+    assert matplotlib.pyplot.get_fignums() == []
+
+
+def test_figures_that_are_not_of_the_training_are_left_alone(ship, tmp_path):
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "figure-10a.png").write_bytes(b"another's")
+    ship()
+    assert write_training_figures(tmp_path / "figures") == []
+    assert [file.name for file in (tmp_path / "figures").iterdir()] == ["figure-10a.png"]
 
 
 def test_each_figure_shows_the_learned_strategies_of_its_table(ship, tmp_path):
@@ -71,6 +198,17 @@ def test_a_curve_that_lacks_a_column_is_refused_by_name(ship, tmp_path):
     ship(gcn_obs=[curve([10_000, 20_000]).drop(columns="reward")])
     with pytest.raises(RequestError, match=r"gcn-obs-0.curve.csv' lacks the column 'reward'"):
         write_training_figures(tmp_path)
+
+
+@pytest.mark.parametrize("content", ["", "\x00\x01"], ids=["empty", "bytes"])
+def test_a_damaged_curve_is_refused_by_its_file(ship, tmp_path, content):
+    ship(gcn_obs=[STRAIGHT])
+    file = curve_path(tmp_path / "gcn-obs-0.safetensors")
+    file.write_text(content)
+    with pytest.raises(RequestError) as caught:
+        write_training_figures(tmp_path / "figures")
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_the_figures_are_the_papers():
