@@ -255,7 +255,11 @@ def train(name: str, seed: int, episodes: int | None, resume: bool, out: Path) -
     name, entry = lookup(name)
     if entry.trainer is None:
         raise RequestError(f"strategy '{name}' is not learned; choose one that 'explore-bench list' calls learned.")
-    path = load_factory(entry.trainer)(name, entry, seed, episodes, resume, out, click.echo)
+    try:
+        path = load_factory(entry.trainer)(name, entry, seed, episodes, resume, out, click.echo)
+    except KeyboardInterrupt:
+        click.echo("explore-bench: interrupted; add --resume to go on, at most 30 s are lost.", err=True)
+        return INTERRUPTED
     click.echo(f"best weights: {path}")
     return DONE
 

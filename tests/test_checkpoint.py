@@ -477,7 +477,7 @@ def test_the_state_of_an_optimizer_goes_on_as_if_nothing_had_been(tmp_path):
 def test_weights_are_no_state_of_a_training(saved):
     with pytest.raises(RequestError) as refused:
         load_state(saved)
-    assert sentence(refused) == f"'{saved}' is no checkpoint of a training; train without --resume."
+    assert sentence(refused) == f"'{saved}' is no checkpoint of a training; remove it and train without --resume."
 
 
 @pytest.mark.parametrize("damage", DAMAGES)

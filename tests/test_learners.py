@@ -512,3 +512,17 @@ def test_the_rate_of_the_policy_gradient_falls_linearly(number, share):
     learner = made("policy gradient", rate=1e-3, final_rate=1e-4, decay=10)
     learner.improve(range(number, number + 3))
     assert rate_of(learner) == pytest.approx(1e-3 - share * 9e-4)
+
+
+def test_a_single_decision_can_be_learned_from():
+    learner = made("policy gradient")
+    assert all(math.isfinite(learner.improve([number])[1]) for number in range(8))
+
+
+@pytest.mark.parametrize("kind", ["returns", "policy gradient"])
+def test_episodes_without_a_decision_teach_nothing(kind):
+    network, learner, settings = KINDS[kind]
+    course = Course(PAPER.replace(size=4.0, landmark_count=0, obstacle_count=0), "train", 0)
+    episodes, loss = learner(network(), course, settings).improve([0, 1])
+    assert [episode.rewards for episode in episodes] == [[], []]
+    assert math.isnan(loss)

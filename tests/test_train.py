@@ -197,7 +197,7 @@ def test_a_row_of_the_curve_by_hand():
     ((steps, episodes, _, *means),) = log.curve
     assert (steps, episodes) == (50, 2)
     np.testing.assert_allclose(means, [2.5, 25.0, 1.5, 0.6, 0.5])
-    assert log.pending == [0.0] * 8
+    assert log.pending == [0.0] * 9
     assert (log.episodes, log.decisions, log.steps) == (2, 4, 50)
 
 
@@ -481,3 +481,42 @@ def test_the_refusals_are_those_of_the_function(tmp_path):
     train(tmp_path, episodes=4)
     with pytest.raises(RequestError, match="holds a training already"):
         train(tmp_path)
+
+
+def test_a_checkpoint_with_scrawled_facts(refused, tmp_path):
+    train(tmp_path, episodes=4)
+    path = tmp_path / "graph-stnn-0.last"
+    data = path.read_bytes()
+    i = data.index(b"design")
+    path.write_bytes(data[: i - 2] + b"##" + data[i:])
+    refused("graph-stnn", "--resume")
+
+
+@pytest.mark.parametrize("damage", ["log", "tensor"])
+def test_a_checkpoint_that_lacks_something(refused, tmp_path, damage):
+    train(tmp_path, episodes=4)
+    tensors, facts = load_state(tmp_path / "graph-stnn-0.last")
+    if damage == "log":
+        facts["log"]["foo"] = 1
+    else:
+        tensors.pop("network.value.weight")
+    checkpoint.save_state(tmp_path / "graph-stnn-0.last", tensors, facts)
+    refused("graph-stnn", "--resume")
+
+
+def test_what_an_interrupted_training_says_holds(call, monkeypatch):
+    with monkeypatch.context() as patch:
+        stop_after(patch, 2, KeyboardInterrupt())
+        code, _, err = call("graph-stnn")
+    assert code == 130
+    assert "--resume" in err
+
+
+def test_best_weights_exist_where_they_are_named(call, tmp_path, monkeypatch):
+    monkeypatch.setattr(training, "SAVE_SECONDS", 0.0)
+    with monkeypatch.context() as patch:
+        stop_after(patch, 2, KeyboardInterrupt())
+        call("graph-stnn")
+    code, _, _ = call("graph-stnn", "--resume", "--episodes", 2)
+    assert code == 0
+    assert (tmp_path / "graph-stnn-0.safetensors").exists()

@@ -117,11 +117,12 @@ def load_state(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """
     tensors = load_tensors(path)
     with safe_open(path, framework="pt") as file:
-        facts = (file.metadata() or {}).get("facts")
-    if facts is None:
-        raise RequestError(f"'{path}' is no checkpoint of a training; train without --resume.")
-    values: dict[str, Any] = json.loads(facts)
-    return tensors, values
+        text = (file.metadata() or {}).get("facts", "")
+    try:
+        facts: dict[str, Any] = json.loads(text)
+    except ValueError:
+        raise RequestError(f"'{path}' is no checkpoint of a training; remove it and train without --resume.") from None
+    return tensors, facts
 
 
 def save_json(path: Path, values: Mapping[str, Any]) -> None:

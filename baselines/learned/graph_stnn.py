@@ -48,6 +48,8 @@ class GraphSTNN(nn.Module):
         head: Literal["caption", "text"] = "caption",
     ) -> None:
         super().__init__()
+        if head == "text" and not spatial:
+            raise ValueError("head 'text' tells candidates apart by their spatial features alone; set spatial=True")
         self.switches = {"spatial": spatial, "temporal": temporal, "state": state, "layers": layers, "head": head}
         self.embed = nn.Linear(len(self.columns), CHANNELS)
         self.spatial = SpatialEncoder(CHANNELS, layers) if spatial else None

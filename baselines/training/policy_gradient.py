@@ -99,6 +99,8 @@ class PolicyGradientLearner:
             advantages += gains.tolist()
             targets += (gains + np.array(own)).tolist()
         flat = [item for own in seen for item in own]
+        if not flat:
+            return episodes, math.nan
         return episodes, self._learn(
             rng,
             flat,
@@ -123,7 +125,7 @@ class PolicyGradientLearner:
         progress = min(number / settings.decay, 1.0)
         set_rate(self.optimizer, settings.rate + progress * (settings.final_rate - settings.rate))
         weight = settings.entropy + progress * (settings.final_entropy - settings.entropy)
-        advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-6)
+        advantages = (advantages - advantages.mean()) / (advantages.std(unbiased=False) + 1e-6)
         losses = []
         for _ in range(settings.passes):
             order = rng.permutation(len(seen))

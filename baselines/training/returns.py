@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -103,6 +104,8 @@ class ReturnsLearner:
             if values:
                 wanted = torch.tensor(returns(episode.rewards, settings.discount), dtype=torch.float32)
                 losses.append(0.5 * (torch.stack(values) - wanted).square().mean())
+        if not losses:
+            return episodes, math.nan
         loss = torch.stack(losses).mean()
         set_rate(self.optimizer, settings.rate + progress * (settings.final_rate - settings.rate))
         descend(loss, network, self.optimizer, settings.clip)

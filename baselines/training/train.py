@@ -26,6 +26,7 @@ from explore_bench.provenance import installed_version, scenario_digest
 from explore_bench.reward import WEIGHTS
 from explore_bench.scenario import PAPER
 from explore_bench.seeding import stream
+from explore_bench.strategy import describe as describe_error
 from explore_bench.strategy import parse_factory
 from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
 
@@ -79,7 +80,7 @@ class Log:
     steps: int = 0
     seconds: float = 0.0
     curve: list[list[float]] = field(default_factory=list)
-    pending: list[float] = field(default_factory=lambda: [0.0] * 8)
+    pending: list[float] = field(default_factory=lambda: [0.0] * 9)
     validations: list[list[float]] = field(default_factory=list)
 
     def add(self, episodes: list[Episode], loss: float, course: Course) -> None:
@@ -89,17 +90,20 @@ class Log:
             self.episodes += 1
             self.decisions += len(episode.rewards)
             self.steps += episode.steps
-            values = (1, episode.steps, len(episode.rewards), sum(episode.rewards), time_, efficiency, error, loss)
+            learned = math.isfinite(loss)
+            of_episode = (1, episode.steps, len(episode.rewards), sum(episode.rewards), time_, efficiency, error)
+            values = (*of_episode, loss if learned else 0.0, learned)
             self.pending = [a + b for a, b in zip(self.pending, values, strict=True)]
         if self.pending[1] >= WINDOW:
             self.curve.append(self.row())
-            self.pending = [0.0] * 8
+            self.pending = [0.0] * 9
 
     def row(self) -> list[float]:
         """CURVE_COLUMNS of what is pending: reward a decision; T, η, e and loss an episode."""
-        count, _, decisions, reward, *sums = self.pending
+        count, _, decisions, reward, *sums, loss, learned = self.pending
         means = [value / max(count, 1) for value in sums]
-        return [self.steps, self.episodes, self.decisions, reward / max(decisions, 1), *means]
+        mean_loss = loss / learned if learned else math.nan
+        return [self.steps, self.episodes, self.decisions, reward / max(decisions, 1), *means, mean_loss]
 
 
 class Training:
@@ -133,8 +137,14 @@ class Training:
             raise RequestError(
                 f"checkpoint '{self.last_path}' is of another network or other settings; train without --resume."
             )
-        self.learner.restore(tensors, facts["counters"])
-        self.log = Log(**facts["log"])
+        try:
+            self.log = Log(**facts["log"])
+            self.learner.restore(tensors, facts["counters"])
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise RequestError(
+                f"checkpoint '{self.last_path}' is damaged ({describe_error(error)}); remove it and train without "
+                "--resume."
+            ) from None
         return True
 
     def save(self) -> None:
@@ -254,7 +264,7 @@ def train(
         except DivergedError as error:
             raise RequestError(
                 f"training of '{name}' diverged at episode {numbers[0]} ({error}); the best weights so far are "
-                f"kept, go on with --resume or lower the rate."
+                "kept, try another --seed."
             ) from None
         run.log.add(played, loss, run.course)
         now = time.perf_counter()
@@ -270,6 +280,8 @@ def train(
             left = (now - begin) / (run.log.episodes - first) * (wanted - run.log.episodes)
             say(_progress_line(run, left))
             said = now
+    if not run.log.validations:
+        run.validate()
     run.save()
     run.write_curve()
     return run.best_path
