@@ -48,7 +48,7 @@ def parameter_count(entry: Entry) -> int:
     card = Path(next(iter(entry.weights.values()))).with_suffix(".json")
     try:
         return int(json.loads(card.read_text(encoding="utf-8"))["parameter_count"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
         raise RequestError(f"card '{card}' of '{entry.label}' cannot be read; restore it or train anew.") from None
 
 

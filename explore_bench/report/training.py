@@ -37,7 +37,8 @@ def write_training_figures(folder: Path) -> list[Path]:
 def _curves(entry: Entry) -> list[pd.DataFrame]:
     """Curve of every training seed."""
     files = [curve_path(weights) for weights in entry.weights.values()]
-    return [read_csv(file, tuple(CURVE_COLUMNS)) for file in files if file.is_file()]
+    curves = [read_csv(file, tuple(CURVE_COLUMNS)) for file in files if file.is_file()]
+    return [curve for curve in curves if len(curve)]  # a training shorter than a row has none
 
 
 def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:

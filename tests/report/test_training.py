@@ -222,3 +222,8 @@ def test_curves_of_trials_average_over_training_seeds_within_a_world():
 
     records = [trial(0, 0, [0.0, 0.2]), trial(0, 1, [0.0, 0.4]), trial(1, 0, [0.1, 1.0])]
     assert np.allclose(_by_world(records, "explored", 2), [[0.0, 0.3], [0.1, 1.0]])
+
+
+def test_a_curve_without_a_row_is_left_out(ship, tmp_path):
+    ship(gcn_obs=[curve([])])
+    assert write_training_figures(tmp_path / "figures") == []
