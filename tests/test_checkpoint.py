@@ -480,6 +480,15 @@ def test_weights_are_no_state_of_a_training(saved):
     assert sentence(refused) == f"'{saved}' is no checkpoint of a training; remove it and train without --resume."
 
 
+@pytest.mark.parametrize("facts", ["", "{", "{'episodes': 640}"])
+def test_a_state_with_damaged_facts_is_refused(facts, tmp_path):
+    path = tmp_path / "state.safetensors"
+    save_tensors(path, TENSORS, {"facts": facts})
+    with pytest.raises(RequestError) as refused:
+        load_state(path)
+    assert sentence(refused).startswith(f"'{path}' is no checkpoint of a training;")
+
+
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_state_is_refused(damage, tmp_path):
     path = tmp_path / "state.safetensors"
