@@ -92,7 +92,7 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
     }
     if not shown:
         return None
-    columns = min(3, len(shown))
+    columns = min(3 if len(shown) <= 6 else 4, len(shown))
     rows = math.ceil(len(shown) / columns)
     figure, grid = plt.subplots(rows, columns, figsize=(3.4 * columns, 3.6 * rows + 0.7), squeeze=False)
     for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
