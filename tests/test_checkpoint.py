@@ -662,3 +662,42 @@ def test_a_trial_with_bad_weights_fails_with_their_sentence(saved):
     assert result.status is Status.FAILED
     assert f"weights '{saved.name}' were made for switches" in result.reason
     assert not result.steps
+
+
+def test_a_write_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "save_file", half_written)
+    with pytest.raises(RequestError):
+        save_tensors(tmp_path / "w.safetensors", {"a": torch.zeros(2)})
+    assert files(tmp_path) == []
+
+
+def test_a_card_that_cannot_take_its_place_leaves_nothing_behind(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(RequestError):
+        save_json(tmp_path / "w.json", {})
+    assert files(tmp_path) == []
+
+
+def test_the_reason_of_safetensors_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "save_file", broken)
+    with pytest.raises(RequestError, match="No space left on device"):
+        save_tensors(tmp_path / "w.safetensors", {"a": torch.zeros(2)})
+
+
+def test_where_there_is_nothing_the_weights_are_missed(tmp_path):
+    with pytest.raises(RequestError, match="there are no weights"):
+        load_weights(made("Graph-STNN"), tmp_path / "none.safetensors")
+
+
+def test_weights_that_are_no_numbers_are_refused(saved):
+    network = made("Graph-STNN")
+    network.value.bias.data.fill_(float("nan"))
+    save_weights(network, saved, FACTS)
+    with pytest.raises(RequestError, match=r"'value\.bias' that are not finite"):
+        load_weights(made("Graph-STNN", 1), saved)
+
+
+def test_a_card_without_end_is_refused(saved):
+    saved.with_suffix(".json").write_text("[" * 100_000)
+    with pytest.raises(RequestError, match="cannot be read"):
+        load_weights(made("Graph-STNN"), saved)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +49,7 @@ def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
     RequestError : when the weights or their card are missing, damaged, or made for another network.
     """
     path = Path(path)
+    tensors = load_tensors(path)
     card = read_card(path)
     for key, wanted in describe(network).items():
         if card.get(key) != wanted:
@@ -53,7 +57,6 @@ def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
                 f"weights '{path.name}' were made for {key} {card.get(key)!r}, not {wanted!r}; "
                 "train them anew with 'explore-bench train'."
             )
-    tensors = load_tensors(path)
     expected = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
     found = {name: tuple(tensor.shape) for name, tensor in tensors.items()}
     for name in sorted(expected.keys() | found.keys()):
@@ -62,6 +65,8 @@ def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
                 f"weights '{path.name}' hold '{name}' with shape {found.get(name)}, the network wants "
                 f"{expected.get(name)}; train them anew with 'explore-bench train'."
             )
+        if not tensors[name].isfinite().all():
+            raise RequestError(f"weights '{path.name}' hold numbers in '{name}' that are not finite; train them anew.")
     network.load_state_dict(tensors)
     return card
 
@@ -78,14 +83,24 @@ def read_card(path: Path) -> dict[str, Any]:
 
 def save_tensors(path: Path, tensors: Mapping[str, Tensor], metadata: dict[str, str] | None = None) -> None:
     """Write named tensors atomically."""
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        half = path.with_name(path.name + ".part")
+    with _replacing(path) as half:
         try:
             save_file({name: tensor.contiguous() for name, tensor in tensors.items()}, half, metadata)
         except SafetensorError as error:
-            raise OSError(str(error)) from None
-        half.replace(path)
+            raise OSError(errno.EIO, str(error)) from None
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """File to write beside `path`, which takes its place once it is whole and is removed where it is not."""
+    half = path.with_name(f"{path.name}.{os.getpid()}.part")
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield half
+            half.replace(path)
+        finally:
+            half.unlink(missing_ok=True)
 
 
 def load_tensors(path: Path) -> dict[str, Tensor]:
@@ -127,11 +142,8 @@ def load_state(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 def save_json(path: Path, values: Mapping[str, Any]) -> None:
     """Write plain values atomically."""
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        half = path.with_name(path.name + ".part")
+    with _replacing(path) as half:
         half.write_text(json.dumps(values, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        half.replace(path)
 
 
 def load_json(path: Path) -> dict[str, Any]:
@@ -143,7 +155,7 @@ def load_json(path: Path) -> dict[str, Any]:
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RequestError(f"'{path}' cannot be read ({error}); restore it or train anew.") from None
     if not isinstance(values, dict):
         raise RequestError(f"'{path}' is no card of weights; restore it or train anew.")
