@@ -15,6 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.learned.graph import sum_in_range
 from explore_bench import Observation
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, cells_in_reach, wrap_angle
@@ -129,7 +130,7 @@ def candidate_set(observation: Observation) -> CandidateSet:
     shortest = observation.path_lengths.min()
     apart = np.hypot(*(observation.positions[:, None] - observation.positions).transpose(2, 0, 1))
     np.fill_diagonal(apart, 20.0)
-    around = _unknown_within(observation.positions, belief.known, cell_size, 2.0 * reach)
+    around = sum_in_range((~belief.known).astype(float), observation.positions, cell_size, 2.0 * reach)
     for i, path in enumerate(observation.paths):
         prediction = predict(belief, path)
         steps = max(len(prediction.poses), 1)
@@ -198,23 +199,6 @@ def _blocks(known: NDArray[np.bool_], cell_size: float, x: float, y: float) -> t
                 middles[count, 0], middles[count, 1] = middle_x, middle_y
                 count += 1
     return features[:count].copy(), middles[:count].copy()
-
-
-@jit
-def _unknown_within(positions: Array, known: NDArray[np.bool_], cell_size: float, reach: float) -> Array:
-    """Unknown cells whose centre lies within reach of each position."""
-    n = known.shape[0]
-    counts = np.zeros(positions.shape[0])
-    for i in range(positions.shape[0]):
-        x, y = positions[i, 0], positions[i, 1]
-        row0, row1 = cells_in_reach(y, reach, n, cell_size)
-        column0, column1 = cells_in_reach(x, reach, n, cell_size)
-        for row in range(row0, row1 + 1):
-            for column in range(column0, column1 + 1):
-                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
-                if not known[row, column] and dx * dx + dy * dy <= reach * reach:
-                    counts[i] += 1
-    return counts
 
 
 @jit

@@ -228,11 +228,11 @@ def _bearings(nodes: Nodes) -> Array:
 def _shannon_in_range(nodes: Nodes) -> Array:
     scenario = nodes.observation.scenario
     entropies = shannon_entropy(nodes.observation.belief.occupancy)
-    return _sum_in_range(entropies, nodes.positions, scenario.cell_size, scenario.sensor_range)
+    return sum_in_range(entropies, nodes.positions, scenario.cell_size, scenario.sensor_range)
 
 
 @jit
-def _sum_in_range(values: Array, positions: Array, cell_size: float, reach: float) -> Array:
+def sum_in_range(values: Array, positions: Array, cell_size: float, reach: float) -> Array:
     """Sum of a grid's values, shape (n, n), over the cells whose centre lies within reach of each position."""
     n = values.shape[0]
     sums = np.zeros(positions.shape[0])

@@ -64,6 +64,29 @@ def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     return {prefix + name: value for name, value in tensors.items()}
 
 
+class OneNetwork:
+    """State of a learner that goes on from one network and its optimizer alone.
+
+    Whatever else changes with time follows from the number of the episode.
+    """
+
+    network: Any
+    optimizer: torch.optim.Optimizer
+
+    def tensors(self) -> dict[str, Tensor]:
+        """All tensors that learning goes on from."""
+        return with_prefix("network.", self.network.state_dict()) | optimizer_tensors(self.optimizer)
+
+    def counters(self) -> dict[str, int]:
+        """Return nothing: there are no counters."""
+        return {}
+
+    def restore(self, tensors: dict[str, Tensor], counters: dict[str, int]) -> None:
+        """Go on from what `tensors` gave."""
+        self.network.load_state_dict(part(tensors, "network."))
+        restore_optimizer(self.optimizer, tensors)
+
+
 def set_rate(optimizer: torch.optim.Optimizer, rate: float) -> None:
     """Set the step size of an optimizer."""
     for group in optimizer.param_groups:

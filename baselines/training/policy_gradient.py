@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from baselines.training.episodes import Course, Episode, play
-from baselines.training.learner import descend, optimizer_tensors, part, restore_optimizer, set_rate, with_prefix
+from baselines.training.learner import OneNetwork, descend, set_rate
 from explore_bench import Observation
 
 
@@ -51,7 +51,7 @@ class PolicyGradientSettings:
     clip: float = 1.0
 
 
-class PolicyGradientLearner:
+class PolicyGradientLearner(OneNetwork):
     """PPO with a clipped ratio and generalized advantages."""
 
     def __init__(self, network: Any, course: Course, settings: PolicyGradientSettings) -> None:
@@ -145,19 +145,6 @@ class PolicyGradientLearner:
                 losses.append(float(loss.detach()))
                 self._entropy = float(entropy.detach())
         return float(np.mean(losses))
-
-    def tensors(self) -> dict[str, Tensor]:
-        """All that learning goes on from."""
-        return with_prefix("network.", self.network.state_dict()) | optimizer_tensors(self.optimizer)
-
-    def counters(self) -> dict[str, int]:
-        """Return nothing: what changes with time follows from the number of the episode."""
-        return {}
-
-    def restore(self, tensors: dict[str, Tensor], counters: dict[str, int]) -> None:
-        """Go on from what `tensors` and `counters` gave."""
-        self.network.load_state_dict(part(tensors, "network."))
-        restore_optimizer(self.optimizer, tensors)
 
     def exploration(self) -> str:
         """How much the policy explores, in words."""

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from baselines.learned.policy import evaluate
 from baselines.training.episodes import Course, Episode, play
-from baselines.training.learner import descend, optimizer_tensors, part, restore_optimizer, set_rate, with_prefix
+from baselines.training.learner import OneNetwork, descend, set_rate
 from explore_bench import Observation
 
 
@@ -41,7 +41,7 @@ class ReturnsSettings:
     clip: float = 5.0
 
 
-class ReturnsLearner:
+class ReturnsLearner(OneNetwork):
     """NoisyNet deep Q learning with returns to the end of the episode (Eq. 23): nothing is bootstrapped.
 
     The noise ζ and the dropout masks are drawn once an episode. The values that chose the actions are those that
@@ -53,19 +53,6 @@ class ReturnsLearner:
         self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
         self.episodes_at_once = settings.episodes_per_update
         self._rate = settings.dropout
-
-    def tensors(self) -> dict[str, Tensor]:
-        """All that learning goes on from, but for `counters`."""
-        return with_prefix("network.", self.network.state_dict()) | optimizer_tensors(self.optimizer)
-
-    def counters(self) -> dict[str, int]:
-        """Return nothing: what changes with time follows from the number of the episode."""
-        return {}
-
-    def restore(self, tensors: dict[str, Tensor], counters: dict[str, int]) -> None:
-        """Go on from what `tensors` and `counters` gave."""
-        self.network.load_state_dict(part(tensors, "network."))
-        restore_optimizer(self.optimizer, tensors)
 
     def exploration(self) -> str:
         """How much the network explores, in words."""
