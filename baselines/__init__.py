@@ -29,7 +29,7 @@ def _weights() -> dict[str, dict[int, str]]:
     found: dict[str, dict[int, str]] = defaultdict(dict)
     for file in sorted(WEIGHTS.glob("*.safetensors")):
         if parts := re.fullmatch(r"(.+)-(\d+)", file.stem):
-            found[parts[1]][int(parts[2])] = str(file)
+            found[parts[1]][int(parts[2])] = f"{__name__}:{WEIGHTS.name}/{file.name}"
     return found
 
 
@@ -54,6 +54,7 @@ def _learned(name: str, factory: str, label: str, color: str, tables: tuple[str,
 
 _learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_TABLE2, *_TABLE3, *_LAYERS))
 _learned("graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", "#ff7f0e", _TABLE2)
+_learned("graph-stnn-path", _STNN, "Graph-STNN, path length", "#f7b6d2", _TABLE2, parameters={"distance": "path"})
 _learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", "#ff9896", _LAYERS, parameters={"layers": 1})
 _learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", "#98df8a", _LAYERS, parameters={"layers": 3})
 _learned(

@@ -140,9 +140,9 @@ def weights() -> str:
     return _markdown(pd.DataFrame(rows))
 
 
-def learning_settings() -> str:
+def learning_causes() -> str:
     """Settings of Graph-STNN's learning and what they led to."""
-    return _markdown(pd.read_csv(STUDIES / "learning-settings.csv"))
+    return _markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
 
 
 def margins() -> str:
@@ -198,7 +198,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "weights": weights,
     "margins": margins,
     "regrets": regrets,
-    "learning-settings": learning_settings,
+    "learning-causes": learning_causes,
 }
 
 

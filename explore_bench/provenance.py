@@ -19,6 +19,7 @@ from explore_bench.scenario import Scenario
 from explore_bench.spec import TrialSpec
 from explore_bench.steps import SCHEMA_VERSION
 from explore_bench.strategy import parse_factory
+from explore_bench.weights import weights_file
 
 LIBRARIES = ("gtsam", "numba", "numpy", "scipy", "torch")
 """Libraries whose version enters the digest where the code that a trial runs imports them."""
@@ -82,10 +83,10 @@ def library_versions(place: str) -> dict[str, str]:
 
 
 @cache
-def weights_digest(path: str) -> str:
-    """Digest of a file of weights; "absent" where there is none."""
+def weights_digest(weights: str) -> str:
+    """Digest of the file of weights that an Entry names; "absent" where there is none."""
     try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        return hashlib.sha256(weights_file(weights).read_bytes()).hexdigest()
     except OSError:
         return "absent"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from explore_bench.errors import RequestError, unknown
 from explore_bench.strategy import Entry, parse_factory
+from explore_bench.weights import weights_file
 
 GROUP = "explore_bench.strategies"
 
@@ -45,7 +46,7 @@ def parameter_count(entry: Entry) -> int:
     ------
     RequestError : where the card is missing or says none.
     """
-    card = Path(next(iter(entry.weights.values()))).with_suffix(".json")
+    card = weights_file(next(iter(entry.weights.values()))).with_suffix(".json")
     try:
         return int(json.loads(card.read_text(encoding="utf-8"))["parameter_count"])
     except (OSError, ValueError, KeyError, TypeError, OverflowError):

@@ -35,7 +35,10 @@ TRIAL_COLUMNS = (
     "scenario",
     "reason",
 )
-SUMMARY_COLUMNS = ("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper")
+SUMMARY_COLUMNS = (
+    *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
+    *("seeds", "seed_low", "seed_high"),
+)
 KEYS = ["strategy", "training_seed", "size", "trial"]
 TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
 
@@ -159,8 +162,16 @@ def by_world(table: pd.DataFrame, metric: str) -> dict[int, float]:
     return {int(trial): float(np.mean(own.to_numpy())) for trial, own in table.groupby("trial")[metric]}
 
 
+def seed_means(table: pd.DataFrame, metric: str) -> list[float]:
+    """Mean of a metric over the worlds, one for each training seed in their order; none for what is not learned."""
+    return [float(own.mean(skipna=False)) for _, own in table.groupby("training_seed")[metric]]
+
+
 def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Means with intervals of every table, strategy, size and metric; the paper's value where that table prints one.
+
+    `n` counts worlds, `failed` trials that did not explore; `seed_low` and `seed_high` are the smallest and the largest
+    mean of a single one of the `seeds` training seeds.
 
     A strategy without trials stands in it with n = 0 where the paper prints a value; a metric that is not defined for
     every trial of a cell is left out.
@@ -184,7 +195,7 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
                     values = np.array(list(by_world(cell, metric).values()))
                     if np.isnan(values).any():
                         continue  # not defined for every trial: no mean over those for which it is
-                    estimate = mean_interval(values)
+                    estimate, of_seeds = mean_interval(values), seed_means(cell, metric)
                     rows.append(
                         {
                             "table": table,
@@ -197,6 +208,9 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
                             "ci_low": estimate.low,
                             "ci_high": estimate.high,
                             "paper": paper,
+                            "seeds": len(of_seeds),
+                            "seed_low": min(of_seeds, default=math.nan),
+                            "seed_high": max(of_seeds, default=math.nan),
                         }
                     )
     return pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))

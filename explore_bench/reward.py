@@ -23,7 +23,7 @@ class RewardWeights:
     explored : ω₆, of the known share of the map after the decision.
     """
 
-    uncertainty: float = 2.0
+    uncertainty: float = 8.0
     turning: float = 0.05
     length: float = 0.1
     error: float = 0.1

@@ -11,6 +11,7 @@ import numpy as np
 
 from explore_bench.scenario import Scenario
 from explore_bench.seeding import Purpose, Role, stream
+from explore_bench.weights import weights_file
 
 
 class Status(StrEnum):
@@ -33,7 +34,8 @@ class TrialSpec:
     scenario : physical constants, the size among them.
     scenario_name : name under which they are kept.
     purpose, root, trial : of its random streams.
-    training_seed, weights : of a learned strategy, the seed with which it was trained and the file of its weights.
+    training_seed, weights : of a learned strategy, the seed with which it was trained and the file of its weights,
+        as its Entry names it.
     """
 
     strategy: str
@@ -51,7 +53,7 @@ class TrialSpec:
     @property
     def arguments(self) -> dict[str, Any]:
         """Keyword arguments of the factory: the parameters, and the weights where there are any."""
-        return {**self.parameters, **({"weights": self.weights} if self.weights else {})}
+        return {**self.parameters, **({"weights": str(weights_file(self.weights))} if self.weights else {})}
 
     def generator(self, role: Role) -> np.random.Generator:
         """Return the trial's stream of a role."""

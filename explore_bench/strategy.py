@@ -101,7 +101,8 @@ class Entry:
     reference : whether it is told the truth; it is marked so in every table and compared with nobody.
     trainer : "module:name" of what trains it; None for one that is not learned.
     training : what the trainer should do otherwise than usual, as the trainer defines it.
-    weights : safetensors file of each training seed; a learned strategy without any is shown as `not trained`.
+    weights : safetensors file of each training seed, a path or "package:path" (see `weights.weights_file`); a learned
+        strategy without any is shown as `not trained`.
     """
 
     factory: str

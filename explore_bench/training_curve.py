@@ -19,6 +19,6 @@ CURVE_COLUMNS: dict[str, str] = {
 }
 
 
-def curve_path(weights: str | Path) -> Path:
+def curve_path(weights: Path) -> Path:
     """File of the curve that belongs to a file of weights."""
-    return Path(weights).with_suffix(".curve.csv")
+    return weights.with_suffix(".curve.csv")

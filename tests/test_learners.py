@@ -26,7 +26,7 @@ from baselines.training.policy_gradient import (
     objective_changes,
 )
 from baselines.training.replay import ReplayLearner, ReplaySettings, Transition
-from baselines.training.returns import ReturnsLearner, ReturnsSettings, returns
+from baselines.training.returns import ReturnsLearner, ReturnsSettings, cut_returns, returns
 from explore_bench.scenario import PAPER
 
 torch.set_num_threads(1)
@@ -95,6 +95,31 @@ def test_returns_by_hand():
     np.testing.assert_allclose(returns([1.0, 2.0, 3.0], 0.0), [1.0, 2.0, 3.0])
     np.testing.assert_allclose(returns([1.0, -2.0, 3.0], 1.0), [2.0, 1.0, 3.0])
     assert returns([], 0.9).shape == (0,)
+
+
+def test_returns_that_are_cut_off_by_hand():
+    """γ = 0.5, m = 2: 1 + 0.5 · 2 + 0.25 · 30, 2 + 0.5 · 3 + 0.25 · 40, 3 + 0.5 · 4, 4; m beyond the end cuts none."""
+    sums = returns([1.0, 2.0, 3.0, 4.0], 0.5)
+    values = np.array([10.0, 20.0, 30.0, 40.0])
+    np.testing.assert_allclose(cut_returns(sums, values, 0.5, 2), [9.5, 13.5, 5.0, 4.0])
+    np.testing.assert_allclose(cut_returns(sums, values, 0.5, 1), [11.0, 17.0, 23.0, 4.0])
+    for reach in (4, 5, 9):
+        np.testing.assert_array_equal(cut_returns(sums, values, 0.5, reach), sums)
+
+
+def test_the_loss_with_a_reach_is_that_of_equation_21(monkeypatch):
+    learner = made("returns", reach=1, dropout=0.0, discount=0.8)
+    before = copy.deepcopy(learner.network)
+    rounds = record_play(monkeypatch, returns_module)
+    (episode,), loss = learner.improve([0])
+    noise, hidden, values = before.noise([COURSE.generator(0, "learning")], 0.0), before.start(1), []
+    for observation in of_episode(rounds, 0)[0]:
+        with torch.no_grad():
+            own, hidden = before(before.collate([before.read(observation)]), hidden, noise)
+        values.append(float(own.max()))
+    assert len(values) > 1
+    wanted = [gain + 0.8 * value for gain, value in zip(episode.rewards, [*values[1:], 0.0], strict=True)]
+    assert loss == pytest.approx(0.5 * np.mean((np.array(values) - wanted) ** 2), rel=1e-4)
 
 
 def test_advantages_by_hand():

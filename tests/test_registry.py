@@ -14,6 +14,7 @@ from explore_bench.registry import GROUP, PLUGIN_COLORS, lookup, parameter_count
 from explore_bench.runner import check_runnable
 from explore_bench.strategy import Entry, describe, make_strategy, parse_factory
 from explore_bench.suites import plan
+from explore_bench.weights import weights_file
 
 
 def message(function, *arguments):
@@ -313,8 +314,8 @@ def test_every_entry_has_a_factory_and_learned_ones_say_what_trains_them():
 def test_shipped_weights_are_named_by_strategy_and_training_seed_and_have_a_card_and_a_curve():
     for name, entry in strategies().items():
         for seed, weights in entry.weights.items():
-            path = Path(weights)
-            assert path.name == f"{name}-{seed}.safetensors"
+            assert weights == f"baselines:weights/{name}-{seed}.safetensors", "a checkout may be moved"
+            path = weights_file(weights)
             assert path.is_absolute(), "workers run in other folders"
             assert path.is_file()
             assert path.with_suffix(".json").is_file()

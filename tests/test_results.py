@@ -220,6 +220,7 @@ def test_the_columns_of_summary_csv_are_those_of_the_design(trials):
     assert (
         *("table", "strategy", "size", "metric", "n", "failed"),
         *("mean", "ci_low", "ci_high", "paper"),
+        *("seeds", "seed_low", "seed_high"),
     ) == SUMMARY_COLUMNS
     assert tuple(summary_table(trials).columns) == SUMMARY_COLUMNS
 
@@ -232,6 +233,7 @@ def test_means_and_intervals_are_those_of_the_worlds(trials):
     expected = mean_interval(np.array([0.5, 0.6, 0.7]))
     assert (line["mean"], line["ci_low"], line["ci_high"]) == pytest.approx((0.6, expected.low, expected.high))
     assert (line["n"], line["failed"]) == (3, 0)
+    assert (line["seeds"], math.isnan(line["seed_low"]), math.isnan(line["seed_high"])) == (0, True, True)
 
 
 def test_a_trial_that_did_not_explore_counts_in_the_mean_and_is_counted_beside_it(trials):
@@ -281,6 +283,7 @@ def test_training_seeds_are_averaged_within_a_world_first():
     line = lines(summary_table(table), table="table2", strategy="nearest", metric="trajectory_error", size=20.0).iloc[0]
     expected = mean_interval(np.array([0.6, 1.0]))
     assert (line["n"], line["mean"], line["ci_low"]) == (2, pytest.approx(0.8), pytest.approx(expected.low))
+    assert (line["seeds"], line["seed_low"], line["seed_high"]) == (3, pytest.approx(0.75), pytest.approx(0.85))
 
 
 def test_worlds_weigh_alike_however_many_training_seeds_ran_on_them():

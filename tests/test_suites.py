@@ -17,7 +17,7 @@ ABLATIONS = {
     *("no-temporal-state", "no-spatial-state", "no-spatial-temporal"),
 }
 LEARNED = {
-    "table2": {"graph-stnn", "graph-stnn-plus", "gcn-no-obs", "gcn-obs", "gcn-obs-blind"},
+    "table2": {"graph-stnn", "graph-stnn-path", "graph-stnn-plus", "gcn-no-obs", "gcn-obs", "gcn-obs-blind"},
     "table3": {"graph-stnn", *ABLATIONS},
     "layers": {"graph-stnn", "graph-stnn-1-layer", "graph-stnn-3-layers"},
 }

@@ -87,7 +87,7 @@ def train(folder, name="graph-stnn", seed=0, episodes=8, resume=False):
 
 def network_of(name):
     module = STRATEGIES[name].factory.split(":")[0]
-    return training.make_network(module, training.RECIPES[module].network, STRATEGIES[name].parameters)
+    return training.RECIPES[module].network(**STRATEGIES[name].parameters)
 
 
 def same(one, other):
@@ -242,7 +242,9 @@ def test_progress_is_said_now_and_then(tmp_path, monkeypatch):
 def test_every_learned_strategy_can_be_trained(tmp_path, name):
     """Its network is that of its factory and has its switches; validation is on the paper's maps for all."""
     run = training.Training(name, STRATEGIES[name], 3, tmp_path)
-    assert run.network.switches.items() >= dict(STRATEGIES[name].parameters).items()
+    wanted = dict(STRATEGIES[name].parameters)
+    assert ("path_length" in run.network.columns) == (wanted.pop("distance", "straight") == "path")
+    assert run.network.switches.items() >= wanted.items()
     assert run.course == Course(SMALL.replace(**STRATEGIES[name].training), "train", 3)
     assert run.validation == Course(SMALL, "validate", 0)
     assert list(tmp_path.iterdir()) == []

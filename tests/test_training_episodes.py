@@ -163,7 +163,7 @@ def test_a_choice_that_is_no_candidate_is_refused():
 
 @pytest.mark.parametrize("weights", [WEIGHTS, ODD])
 def test_each_decision_is_rewarded_by_the_rows_before_and_after_it(weights):
-    for episode in play(COURSE, NUMBERS, nearest, weights):
+    for episode in play(dataclasses.replace(COURSE, weights=weights), NUMBERS, nearest):
         rows, decided, _ = by_hand(COURSE, episode.number)
         between = itertools.pairwise([*decided, len(rows) - 1])
         expected = [reward(rows[i], rows[j], TINY, weights) for i, j in between]
@@ -173,8 +173,8 @@ def test_each_decision_is_rewarded_by_the_rows_before_and_after_it(weights):
 
 
 def test_the_weights_of_the_benchmark_are_used_where_none_are_given():
-    assert play(COURSE, [0, 1], nearest) == play(COURSE, [0, 1], nearest, WEIGHTS)
-    assert play(COURSE, [0, 1], nearest) != play(COURSE, [0, 1], nearest, ODD)
+    assert COURSE.weights == WEIGHTS
+    assert play(COURSE, [0, 1], nearest) != play(dataclasses.replace(COURSE, weights=ODD), [0, 1], nearest)
 
 
 def test_the_last_decision_of_an_episode_cut_short_is_rewarded_too():

@@ -116,6 +116,10 @@ class CandidateBatch:
         state = np.stack([one.state for one in sets])
         return cls(*map(torch.from_numpy, (candidates, blocks, places, state, present[:, :width].copy(), present)))
 
+    def masked(self, values: Tensor) -> Tensor:
+        """Values of the candidates, shape (B, C), −∞ where there is none."""
+        return values.masked_fill(~self.choices, -math.inf)
+
 
 def candidate_set(observation: Observation) -> CandidateSet:
     """Compute the features of an observation; a prediction along every path makes most of the cost."""

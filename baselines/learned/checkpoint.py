@@ -134,9 +134,11 @@ def load_state(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     with safe_open(path, framework="pt") as file:
         text = (file.metadata() or {}).get("facts", "")
     try:
-        facts: dict[str, Any] = json.loads(text)
+        facts = json.loads(text)
     except ValueError:
-        raise RequestError(f"'{path}' is no checkpoint of a training; remove it and train without --resume.") from None
+        facts = None
+    if not isinstance(facts, dict):
+        raise RequestError(f"'{path}' is no checkpoint of a training; remove it and train without --resume.")
     return tensors, facts
 
 

@@ -216,6 +216,12 @@ def _distances(nodes: Nodes) -> Array:
     return np.asarray(np.hypot(*_offsets(nodes).T))
 
 
+def _path_lengths(nodes: Nodes) -> Array:
+    """Length of the planned path to each candidate [m], the straight distance of all other nodes."""
+    lengths = nodes.observation.path_lengths
+    return np.concatenate((_distances(nodes)[: len(nodes.flags) - len(lengths)], lengths))
+
+
 def _bearings(nodes: Nodes) -> Array:
     """Angle from the heading to each node [rad], in (−π, π]; 0 for the present position itself."""
     offsets = _offsets(nodes)
@@ -269,7 +275,8 @@ def _traces(nodes: Nodes) -> Array:
 
 
 FEATURES: dict[str, Feature] = {
-    "distance": Feature("d", "m", 10.0, "distance from the robot (Eq. 4)", _distances),
+    "distance": Feature("d", "m", 10.0, "straight distance from the robot (Eq. 4)", _distances),
+    "path_length": Feature("d", "m", 10.0, "the same, of a candidate along the planned path", _path_lengths),
     "bearing": Feature("φ", "rad", np.pi, "angle from the heading (Eq. 4)", _bearings),
     "shannon": Feature("H_γ", "bit", 10.0, "Shannon entropy summed over the cells in range (Eq. 5)", _shannon_in_range),
     "cell_shannon": Feature(
@@ -293,6 +300,9 @@ FEATURES: dict[str, Feature] = {
 
 EQUATION_4 = ("distance", "bearing", "shannon", "renyi", "flag")
 """Columns of Eq. 4."""
+
+EQUATION_4_ALONG_PATHS = ("path_length", "bearing", "shannon", "renyi", "flag")
+"""The same with d of a candidate read as the length of the way there."""
 
 CHEN_2020 = ("trace", "distance", "bearing", "occupancy", "flag")
 """Columns of [8]."""

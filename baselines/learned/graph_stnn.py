@@ -7,7 +7,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.graph import EQUATION_4, ExplorationGraph, exploration_graph
+from baselines.learned.graph import EQUATION_4, EQUATION_4_ALONG_PATHS, ExplorationGraph, exploration_graph
 from baselines.learned.layers import (
     GraphBatch,
     Noise,
@@ -35,9 +35,8 @@ class GraphSTNN(nn.Module):
     layers : graph convolutions of the spatial encoder, 1 to 3.
     head : what the head sees of a candidate beside the state: its original and spatial features as in the caption
         of Fig. 3, or spatial and temporal ones as in the text of §3.3.3.
+    distance : what d of Eq. 4 is for a candidate: the straight distance, or the length of the planned path.
     """
-
-    columns = EQUATION_4
 
     def __init__(
         self,
@@ -46,8 +45,10 @@ class GraphSTNN(nn.Module):
         state: bool = True,
         layers: int = 2,
         head: Literal["caption", "text"] = "caption",
+        distance: Literal["straight", "path"] = "straight",
     ) -> None:
         super().__init__()
+        self.columns = EQUATION_4_ALONG_PATHS if distance == "path" else EQUATION_4
         if head == "text" and not spatial:
             raise ValueError("head 'text' tells candidates apart by their spatial features alone; set spatial=True")
         self.switches = {"spatial": spatial, "temporal": temporal, "state": state, "layers": layers, "head": head}
@@ -74,6 +75,13 @@ class GraphSTNN(nn.Module):
 
     def forward(self, batch: GraphBatch, hidden: Tensor, noise: Noise | None = None) -> tuple[Tensor, Tensor]:
         """Values of the candidates (B, C), −∞ where padded, and the next hidden state (2, B, F)."""
+        shown, state = self.encode(batch)
+        if self.state is not None:
+            state, hidden = self.state(state, hidden)
+        return self.judge(batch, shown, state, noise), hidden
+
+    def encode(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """What the head sees of each candidate, shape (B, C, F), and the pooled features, (B, P)."""
         original = torch.relu(self.embed(batch.features))
         features = [original]
         if self.spatial is not None:
@@ -82,18 +90,16 @@ class GraphSTNN(nn.Module):
         pooled = [batch.mean(values) for values in features]
         if self.temporal is not None:
             pooled.append(self.temporal(of_node, batch.trajectory))
-        state = torch.cat(pooled, dim=-1)
-        if self.state is not None:
-            state, hidden = self.state(state, hidden)
-        shown = (
-            batch.of_candidates(of_node) if self.switches["head"] == "caption" else self._text(batch, features, pooled)
-        )
-        width = shown.shape[1]
-        entered = torch.cat((state.unsqueeze(1).expand(-1, width, -1), shown), dim=-1)
+        caption = self.switches["head"] == "caption"
+        shown = batch.of_candidates(of_node) if caption else self._text(batch, features, pooled)
+        return shown, torch.cat(pooled, dim=-1)
+
+    def judge(self, batch: GraphBatch, shown: Tensor, state: Tensor, noise: Noise | None) -> Tensor:
+        """Values of the candidates (B, C), −∞ where padded, from what the head sees of them and the state (B, F)."""
+        entered = torch.cat((state.unsqueeze(1).expand(-1, shown.shape[1], -1), shown), dim=-1)
         if noise is not None:
             entered = entered * noise.kept.unsqueeze(1)
-        values = self.value(torch.relu(self.noisy(entered, noise))).squeeze(-1)
-        return batch.masked(values), hidden
+        return batch.masked(self.value(torch.relu(self.noisy(entered, noise))).squeeze(-1))
 
     def _text(self, batch: GraphBatch, features: list[Tensor], pooled: list[Tensor]) -> Tensor:
         """Spatial features of the candidates and the temporal feature, which all of them share."""

@@ -85,6 +85,15 @@ class GraphSTNNPlus(nn.Module):
 
     def preferences_and_value(self, batch: CandidateBatch) -> tuple[Tensor, Tensor]:
         """Preferences of the candidates (B, C), −∞ where padded, and the value of the state (B,)."""
+        shown = self.encode(batch)
+        preferences = self.preference(shown).squeeze(-1)
+        there = batch.choices.unsqueeze(-1).to(shown.dtype)
+        mean = (shown * there).sum(dim=1) / there.sum(dim=1)
+        value = self.value(torch.cat((mean, batch.state), dim=-1)).squeeze(-1)
+        return batch.masked(preferences), value
+
+    def encode(self, batch: CandidateBatch) -> Tensor:
+        """Candidates after the attention layers, shape (B, C, F)."""
         width = batch.candidates.shape[1]
         state = batch.state.unsqueeze(1).expand(-1, width, -1)
         own = self.embed(torch.cat((batch.candidates, state), dim=-1))
@@ -94,12 +103,7 @@ class GraphSTNNPlus(nn.Module):
         near = torch.stack((distances, torch.exp(-2.0 * distances)), dim=-1)
         for layer in self.layers:
             tokens = layer(tokens, near, batch.present)
-        shown = tokens[:, :width]
-        preferences = self.preference(shown).squeeze(-1)
-        there = batch.choices.unsqueeze(-1).to(shown.dtype)
-        mean = (shown * there).sum(dim=1) / there.sum(dim=1)
-        value = self.value(torch.cat((mean, batch.state), dim=-1)).squeeze(-1)
-        return preferences.masked_fill(~batch.choices, -math.inf), value
+        return tokens[:, :width]
 
 
 def strategy(weights: str) -> Policy:

@@ -21,16 +21,18 @@ Act = Callable[[list[int], list[Observation]], Sequence[int]]
 
 @dataclass(frozen=True)
 class Course:
-    """Where episodes come from: their physics and their random streams, numbered from 0.
+    """Where episodes come from, their physics and their random streams, numbered from 0, and what they earn.
 
     Attributes
     ----------
     root : root seed; for training the training seed.
+    weights : of the reward of a decision (Eq. 24).
     """
 
     scenario: Scenario
     purpose: Purpose
     root: int
+    weights: RewardWeights = WEIGHTS
 
     def generator(self, episode: int, role: Role) -> np.random.Generator:
         """Return the stream of a role in an episode."""
@@ -73,12 +75,12 @@ class Episode:
 class _Running:
     """One rollout, advanced from decision to decision."""
 
-    def __init__(self, course: Course, number: int, weights: RewardWeights) -> None:
+    def __init__(self, course: Course, number: int) -> None:
         world = draw_world(course.scenario, course.generator(number, "world"))
         self._events = rollout(
             course.scenario, world, course.generator(number, "motion"), course.generator(number, "sensor")
         )
-        self._scenario, self._weights = course.scenario, weights
+        self._course = course
         self.episode = Episode(number)
         self.observation: Observation | None = None
 
@@ -94,12 +96,12 @@ class _Running:
         except StopIteration as stop:
             self.episode.status = stop.value.status
         if choice is not None and before is not None and self.episode.last is not None:
-            self.episode.rewards.append(reward(before, self.episode.last, self._scenario, self._weights))
+            self.episode.rewards.append(reward(before, self.episode.last, self._course.scenario, self._course.weights))
 
 
-def play(course: Course, numbers: Sequence[int], act: Act, weights: RewardWeights = WEIGHTS) -> list[Episode]:
+def play(course: Course, numbers: Sequence[int], act: Act) -> list[Episode]:
     """Play episodes in lockstep: `act` is asked for the next decisions of all that still run, until all have ended."""
-    running = [_Running(course, number, weights) for number in numbers]
+    running = [_Running(course, number) for number in numbers]
     for one in running:
         one.advance(None)
     while waiting := [i for i, one in enumerate(running) if one.observation is not None]:

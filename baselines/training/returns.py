@@ -26,6 +26,8 @@ class ReturnsSettings:
     episodes_per_update : episodes whose losses are averaged for one gradient step; the paper has 1.
     rate : α of Eq. 22, the step size of Adam; it falls linearly to `final_rate` over `decay` episodes.
     discount : γ.
+    reach : m of Eq. 21, after how many decisions the sum is cut off and the network's own value takes its place;
+        None: at the end of the episode, as in Eq. 23.
     dropout, final_dropout : share of channels dropped, falling linearly over `decay` episodes.
     decay : episodes over which the rates fall.
     clip : largest norm of a gradient.
@@ -35,9 +37,10 @@ class ReturnsSettings:
     rate: float = 4e-3
     final_rate: float = 1e-4
     discount: float = 0.9
+    reach: int | None = None
     dropout: float = 0.2
     final_dropout: float = 0.0
-    decay: int = 4_000
+    decay: int = 3_000
     clip: float = 5.0
 
 
@@ -89,8 +92,11 @@ class ReturnsLearner(OneNetwork):
         losses = []
         for values, episode in zip(chosen, episodes, strict=True):
             if values:
-                wanted = torch.tensor(returns(episode.rewards, settings.discount), dtype=torch.float32)
-                losses.append(0.5 * (torch.stack(values) - wanted).square().mean())
+                own = torch.stack(values)
+                wanted = returns(episode.rewards, settings.discount)
+                if settings.reach:
+                    wanted = cut_returns(wanted, own.detach().numpy(), settings.discount, settings.reach)
+                losses.append(0.5 * (own - torch.tensor(wanted, dtype=torch.float32)).square().mean())
         if not losses:
             return episodes, math.nan
         loss = torch.stack(losses).mean()
@@ -107,3 +113,14 @@ def returns(rewards: Sequence[float], discount: float) -> np.ndarray:
         total = rewards[i] + discount * total
         sums[i] = total
     return sums
+
+
+def cut_returns(sums: np.ndarray, values: np.ndarray, discount: float, reach: int) -> np.ndarray:
+    """Σ_{k<m} γ^k r_{i+k} + γ^m max Q(s_{i+m}) with m = `reach` (Eq. 21), from whole `returns` and the choices' values.
+
+    Where the episode ends within m decisions nothing takes the place of what follows.
+    """
+    after, best = np.zeros((2, len(sums)))
+    kept = max(len(sums) - reach, 0)
+    after[:kept], best[:kept] = sums[reach:], values[reach:]
+    return sums + discount**reach * (best - after)

@@ -14,6 +14,9 @@ import numpy as np
 import torch
 
 from baselines.learned.checkpoint import describe, load_state, save_state, save_weights
+from baselines.learned.gcn import GCN
+from baselines.learned.graph_stnn import GraphSTNN
+from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.learned.policy import evaluate
 from baselines.training.episodes import Course, Episode, play
 from baselines.training.learner import DivergedError, Learner
@@ -23,7 +26,7 @@ from baselines.training.returns import ReturnsLearner, ReturnsSettings
 from explore_bench import Entry, Observation, RequestError
 from explore_bench.errors import writing
 from explore_bench.provenance import installed_version, scenario_digest
-from explore_bench.reward import WEIGHTS
+from explore_bench.reward import WEIGHTS, RewardWeights
 from explore_bench.scenario import PAPER
 from explore_bench.seeding import stream
 from explore_bench.strategy import describe as describe_error
@@ -44,21 +47,23 @@ class Recipe:
 
     Attributes
     ----------
-    network : "module:class" of the network.
+    network : makes an untrained one from the entry's parameters.
     learner, settings : how it learns.
+    reward : weights of Eq. 24.
     episodes : how many it takes unless told otherwise.
     """
 
-    network: str
+    network: Callable[..., Any]
     learner: type[Learner]
     settings: ReturnsSettings | ReplaySettings | PolicyGradientSettings
     episodes: int
+    reward: RewardWeights = WEIGHTS
 
 
 RECIPES: dict[str, Recipe] = {
-    "baselines.learned.graph_stnn": Recipe("GraphSTNN", ReturnsLearner, ReturnsSettings(), 4000),
-    "baselines.learned.graph_stnn_plus": Recipe("GraphSTNNPlus", PolicyGradientLearner, PolicyGradientSettings(), 8000),
-    "baselines.learned.gcn": Recipe("GCN", ReplayLearner, ReplaySettings(), 3000),
+    "baselines.learned.graph_stnn": Recipe(GraphSTNN, ReturnsLearner, ReturnsSettings(), 3000),
+    "baselines.learned.graph_stnn_plus": Recipe(GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(), 8000),
+    "baselines.learned.gcn": Recipe(GCN, ReplayLearner, ReplaySettings(), 3000),
 }
 """By the module of a strategy's factory."""
 
@@ -116,10 +121,10 @@ class Training:
         self.name, self.entry, self.seed = name, entry, seed
         self.best_path = out / f"{name}-{seed}.safetensors"
         self.last_path = out / f"{name}-{seed}.last"
-        self.course = Course(PAPER.replace(**entry.training), "train", seed)
+        self.course = Course(PAPER.replace(**entry.training), "train", seed, self.recipe.reward)
         self.validation = Course(PAPER, "validate", 0)
         torch.manual_seed(int(stream("train", seed, PAPER.size, 0, "strategy").integers(2**62)))
-        self.network = make_network(module, self.recipe.network, entry.parameters)
+        self.network = self.recipe.network(**entry.parameters)
         self.learner = self.recipe.learner(self.network, self.course, self.recipe.settings)
         self.log = Log()
 
@@ -186,7 +191,7 @@ class Training:
                 "trajectory_error": error,
             },
             "settings": asdict(self.recipe.settings),
-            "reward_weights": asdict(WEIGHTS),
+            "reward_weights": asdict(self.recipe.reward),
             "scenario": self.course.scenario.model_dump(exclude_unset=True),
             "scenario_digest": scenario_digest(self.course.scenario),
             "versions": {library: installed_version(library) for library in ("gtsam", "numpy", "torch")},
@@ -195,13 +200,6 @@ class Training:
     def write_curve(self) -> None:
         """Write the training curve and the validations beside the best weights."""
         write_csv(curve_path(self.best_path), tuple(CURVE_COLUMNS), self.log.curve)
-
-
-def make_network(module: str, name: str, parameters: Any) -> Any:
-    """Make an untrained network of a module."""
-    import importlib
-
-    return getattr(importlib.import_module(module), name)(**parameters)
 
 
 def write_csv(path: Path, header: tuple[str, ...], rows: list[list[float]]) -> None:

@@ -39,8 +39,10 @@ DETAIL_METRICS = (
 STATUSES = ("explored", "step_limit", "stuck", "failed")
 
 NOTE = (
-    "Mean over worlds [95 % BCa bootstrap interval]; n worlds. A trial that did not explore is scored with T = n_a = "
-    "the step limit, its last U and at least a max trace of 2 σ₀². A reference is told the true world."
+    "Mean over n worlds [95 % BCa bootstrap interval], conditional on the weights of a learned strategy: its training "
+    "seeds are averaged within a world first (smallest–largest mean of a single seed). A trial that did not explore is "
+    "scored with T = n_a = the step limit, its last U and at least a max trace of 2 σ₀². A reference is told the true "
+    "world."
 )
 _LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_"}
 _LATEX |= {"{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
@@ -116,7 +118,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
     own = summary[summary["table"] == name]
     sizes = sorted({size for entry in strategies().values() for t, size, _ in entry.published if t == name})
     columns = list(itertools.product(PAPER_METRICS, sizes))
-    header = ["Method", "n", "not explored"]
+    header = ["Method", "n", "seeds", "trials not explored"]
     for metric, size in columns:
         header += [f"{_heading(METRICS[metric])} {size:g} m: paper", "ours"]
     rows = []
@@ -128,7 +130,9 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
         absent = "not run" if entry.ready else "not trained"
         worlds = [_value(lines, PAPER_METRICS[0], size, "n") for size in sizes]
         unfinished = [_value(lines, PAPER_METRICS[0], size, "failed") for size in sizes]
-        row = [_label(strategy), _slashes(worlds), _slashes(unfinished) if any(worlds) else "–"]
+        seeds = [_value(lines, PAPER_METRICS[0], size, "seeds") for size in sizes]
+        row = [_label(strategy), _slashes(worlds), _slashes(seeds) if any(seeds) else "–"]
+        row.append(_slashes(unfinished) if any(worlds) else "–")
         for metric, size in columns:
             paper = _value(lines, metric, size, "paper")
             row.append(f"{paper:.4f}" if paper and not math.isnan(paper) else "–")
@@ -140,7 +144,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
 def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
     """How the trials of every strategy and size ended, and what else was measured."""
     units = {name: METRICS[name] for name in METRICS} | {"regret": REGRET}
-    header = ["Method", "size [m]", "n", *(status.replace("_", " ") for status in STATUSES), "stuck [%]"]
+    header = ["Method", "size [m]", "trials", *(status.replace("_", " ") for status in STATUSES), "stuck [%]"]
     header += [_heading(units[name]) for name in DETAIL_METRICS]
     rows = []
     unique = summary.drop_duplicates(["strategy", "size", "metric"])
@@ -201,13 +205,20 @@ def _measured(lines: pd.DataFrame, metric: str, size: float) -> str:
     if (metric, size) not in lines.index or not lines.loc[(metric, size), "n"]:
         return ""
     line = lines.loc[(metric, size)]
-    return _text(Estimate(line["mean"], line["ci_low"], line["ci_high"], int(line["n"])))
+    text = _text(Estimate(line["mean"], line["ci_low"], line["ci_high"], int(line["n"])))
+    low, high = (_number(line[f"seed_{end}"], line["mean"]) for end in ("low", "high"))
+    return f"{text} ({low}–{high})" if line["seeds"] > 1 else text
 
 
 def _text(estimate: Estimate) -> str:
-    digits = 1 if abs(estimate.mean) >= 100 else 2 if abs(estimate.mean) >= 10 else 3
-    mean, low, high = (f"{v:.{digits}f}".replace("-", "−") for v in (estimate.mean, estimate.low, estimate.high))
+    mean, low, high = (_number(value, estimate.mean) for value in (estimate.mean, estimate.low, estimate.high))
     return mean if math.isnan(estimate.low) else f"{mean} [{low}, {high}]"
+
+
+def _number(value: float, mean: float) -> str:
+    """Value with as many digits as suit a mean of this size."""
+    digits = 1 if abs(mean) >= 100 else 2 if abs(mean) >= 10 else 3
+    return f"{value:.{digits}f}".replace("-", "−")
 
 
 def _slashes(values: Sequence[float]) -> str:

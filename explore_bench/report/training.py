@@ -15,6 +15,7 @@ from explore_bench.report.style import save_all, styled
 from explore_bench.results import read_csv
 from explore_bench.strategy import Entry
 from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
+from explore_bench.weights import weights_file
 
 TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "table3"}
 """Figure → the table whose learned strategies it shows."""
@@ -36,7 +37,7 @@ def write_training_figures(folder: Path) -> list[Path]:
 
 def _curves(entry: Entry) -> list[pd.DataFrame]:
     """Curve of every training seed."""
-    files = [curve_path(weights) for weights in entry.weights.values()]
+    files = [curve_path(weights_file(weights)) for weights in entry.weights.values()]
     curves = [read_csv(file, tuple(CURVE_COLUMNS)) for file in files if file.is_file()]
     return [curve for curve in curves if len(curve)]  # a training shorter than a row has none
 

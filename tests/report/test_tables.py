@@ -29,9 +29,10 @@ MAP = Scenario(size=20.0)
 NAN = math.nan
 
 
-def line(strategy, metric="trajectory_error", size=20.0, table="table2", n=50, failed=0, mean=1.25, paper=NAN):
-    """Return one line of a summary; the interval is the mean ± 0.1."""
+def line(strategy, metric="trajectory_error", size=20.0, table="table2", n=50, failed=0, mean=1.25, paper=NAN, seeds=0):
+    """Return one line of a summary; the interval is the mean ± 0.1, the range of the seeds the mean ± 0.2."""
     values = (table, strategy, size, metric, n, failed, mean, mean - 0.1, mean + 0.1, paper)
+    values += (seeds, mean - 0.2, mean + 0.2)
     return dict(zip(SUMMARY_COLUMNS, values, strict=True))
 
 
@@ -66,18 +67,18 @@ def test_the_paper_s_value_stands_beside_ours_with_its_interval():
     )
     row = row_of(table, "Random")
     assert row["e [m] 20 m: paper"] == "1.9614"
-    assert table.rows[[r[0] for r in table.rows].index("Random")][4] == "1.781 [1.681, 1.881]"
+    assert table.rows[[r[0] for r in table.rows].index("Random")][5] == "1.781 [1.681, 1.881]"
     assert row["η [m²/step] 40 m: paper"] == "0.7779"
     assert "0.351 [0.251, 0.451]" in table.markdown()
 
 
 def test_the_columns_are_both_metrics_at_the_table_s_sizes_paper_first():
     assert made().header == (
-        *("Method", "n", "not explored"),
+        *("Method", "n", "seeds", "trials not explored"),
         *("e [m] 20 m: paper", "ours", "e [m] 40 m: paper", "ours"),
         *("η [m²/step] 20 m: paper", "ours", "η [m²/step] 40 m: paper", "ours"),
     )
-    assert len(made(name="table3").header) == 3 + 2 * 2 * 3
+    assert len(made(name="table3").header) == 4 + 2 * 2 * 3
 
 
 def test_every_strategy_of_the_table_has_a_row_in_the_registered_order():
@@ -89,26 +90,26 @@ def test_every_strategy_of_the_table_has_a_row_in_the_registered_order():
 def test_a_strategy_without_weights_reads_not_trained_beside_the_paper_s_value(untrained):
     untrained("gcn-obs")
     [row] = [row for row in made(*published("gcn-obs")).rows if row[0] == "GCN-obs"]
-    assert row[1:5] == ("0", "–", "0.9665", "not trained")
+    assert row[1:6] == ("0", "–", "–", "0.9665", "not trained")
     assert row.count("not trained") == 4
 
 
 def test_a_learned_strategy_with_weights_reads_not_run_until_it_has_trials(trained):
     trained(0)
     [row] = [row for row in made(*published("gcn-obs")).rows if row[0] == "GCN-obs"]
-    assert row[3:5] == ("0.9665", "not run")
+    assert row[4:6] == ("0.9665", "not run")
     assert "not trained" not in row
 
 
 def test_a_strategy_without_trials_reads_not_run_beside_the_paper_s_value():
     row = next(row for row in made(*published("entropy")).rows if row[0] == "Entropy")
-    assert row[3:5] == ("1.5038", "not run")
+    assert row[4:6] == ("1.5038", "not run")
     assert "not trained" not in row
 
 
 def test_a_strategy_that_the_paper_does_not_print_has_a_dash_there():
     row = next(row for row in made(line("nearest")).rows if row[0] == "Nearest")
-    assert row[3:5] == ("–", "1.250 [1.150, 1.350]")
+    assert row[4:6] == ("–", "1.250 [1.150, 1.350]")
 
 
 def test_the_reference_is_marked_and_nobody_else_and_the_ablations_have_none():
@@ -119,13 +120,22 @@ def test_the_reference_is_marked_and_nobody_else_and_the_ablations_have_none():
 def test_numbers_of_worlds_and_of_unfinished_trials_stand_beside_every_mean():
     table = made(line("nearest", n=50, failed=3), line("nearest", size=40.0, n=50, failed=3))
     assert row_of(table, "Nearest")["n"] == "50"
-    assert row_of(table, "Nearest")["not explored"] == "3"
+    assert row_of(table, "Nearest")["trials not explored"] == "3"
+
+
+def test_training_seeds_are_counted_and_their_range_stands_beside_the_mean():
+    counts = {"gcn-obs": 3, "graph-stnn": 1, "random": 0}
+    table = made(*(line(name, size=size, seeds=n) for name, n in counts.items() for size in (20.0, 40.0)))
+    assert [row_of(table, label)["seeds"] for label in ("GCN-obs", "Graph-STNN", "Random")] == ["3", "1", "–"]
+    cells = {row[0]: row[5] for row in table.rows}
+    assert cells["GCN-obs"] == "1.250 [1.150, 1.350] (1.050–1.450)"
+    assert cells["Graph-STNN"] == cells["Random"] == "1.250 [1.150, 1.350]"
 
 
 def test_numbers_that_differ_between_sizes_are_given_for_each():
     table = made(line("nearest", n=50, failed=0), line("nearest", size=40.0, n=20, failed=7))
     assert row_of(table, "Nearest")["n"] == "50/20"
-    assert row_of(table, "Nearest")["not explored"] == "0/7"
+    assert row_of(table, "Nearest")["trials not explored"] == "0/7"
 
 
 def test_a_plugin_has_a_row_after_the_registered_strategies():
@@ -134,7 +144,7 @@ def test_a_plugin_has_a_row_after_the_registered_strategies():
 
 def test_a_value_of_the_other_table_is_not_shown():
     row = made(line("nearest", table="table3"), name="table2").rows
-    assert next(r for r in row if r[0] == "Nearest")[4] == "not run"
+    assert next(r for r in row if r[0] == "Nearest")[5] == "not run"
 
 
 @pytest.mark.parametrize(
@@ -142,16 +152,16 @@ def test_a_value_of_the_other_table_is_not_shown():
     [(1.23456, "1.235 [1.135, 1.335]"), (12.3456, "12.35 [12.25, 12.45]"), (-0.5, "−0.500 [−0.600, −0.400]")],
 )
 def test_numbers_are_rounded_to_what_their_size_allows(mean, text):
-    assert next(r for r in made(line("nearest", mean=mean)).rows if r[0] == "Nearest")[4] == text
+    assert next(r for r in made(line("nearest", mean=mean)).rows if r[0] == "Nearest")[5] == text
 
 
 def test_a_single_world_has_a_mean_without_an_interval():
     single = line("nearest", n=1) | {"ci_low": NAN, "ci_high": NAN}
-    assert next(r for r in made(single).rows if r[0] == "Nearest")[4] == "1.250"
+    assert next(r for r in made(single).rows if r[0] == "Nearest")[5] == "1.250"
 
 
 def test_a_mean_of_zero_is_shown():
-    assert next(r for r in made(line("nearest", mean=0.0)).rows if r[0] == "Nearest")[4].startswith("0.000 [")
+    assert next(r for r in made(line("nearest", mean=0.0)).rows if r[0] == "Nearest")[5].startswith("0.000 [")
 
 
 # Details and paired differences
@@ -178,7 +188,7 @@ def test_details_count_every_status_and_give_the_rate_of_stuck_trials(trials):
     nearest, random = row_of(table, "Nearest"), row_of(table, "Random")
     counted = [nearest[status.replace("_", " ")] for status in STATUSES]
     assert counted == ["2", "1", "1", "0"]
-    assert (nearest["n"], nearest["stuck [%]"]) == ("4", "25.0")
+    assert (nearest["trials"], nearest["stuck [%]"]) == ("4", "25.0")
     assert ([random[s.replace("_", " ")] for s in STATUSES], random["stuck [%]"]) == (["3", "0", "0", "1"], "0.0")
     assert row_of(table, "Clairvoyant (reference)")["stuck [%]"] == "0.0"
 

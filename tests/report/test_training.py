@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import matplotlib
@@ -35,7 +36,7 @@ def ship(monkeypatch, tmp_path):
             paths = {seed: str(tmp_path / f"{name}-{seed}.safetensors") for seed in range(len(curves))}
             for path, own in zip(paths.values(), curves, strict=True):
                 if own is not None:
-                    own.to_csv(curve_path(path), index=False)
+                    own.to_csv(curve_path(Path(path)), index=False)
             entries[name] = dataclasses.replace(entries[name], weights=paths)
         monkeypatch.setattr(training, "strategies", lambda: entries)
 

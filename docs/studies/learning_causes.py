@@ -1,0 +1,155 @@
+"""What holds learning back: other rewards, returns, features and learning rules, one training seed each.
+
+    python docs/studies/learning_causes.py [--out FOLDER] [VARIANT ...]
+
+Every variant learns for as many episodes and is judged on validation worlds of another root than those that chose its
+weights; untrained strategies play the same worlds. Trainings resume from FOLDER. Writes learning-causes.csv beside
+this file; docs/learning.md tells what came of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor, nn
+
+from baselines.learned.candidates import CandidateBatch
+from baselines.learned.checkpoint import load_weights
+from baselines.learned.graph_stnn import GraphSTNN
+from baselines.learned.graph_stnn_plus import CHANNELS, GraphSTNNPlus
+from baselines.learned.layers import GraphBatch, Noise, NoisyLinear
+from baselines.training import train
+from baselines.training.episodes import Course, Episode, play
+from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGradientSettings
+from baselines.training.returns import ReturnsLearner, ReturnsSettings
+from explore_bench import Observation
+from explore_bench.registry import strategies
+from explore_bench.reward import RewardWeights
+from explore_bench.scenario import PAPER
+from explore_bench.strategy import make_strategy
+
+EPISODES = 3000
+WORLDS = {20.0: 100, 40.0: 16}
+UNTRAINED = ("nearest", "entropy", "uncertainty")
+
+
+class GraphPolicy(GraphSTNN):
+    """Graph-STNN without its state encoder as a policy: preferences from its head, a value from its pooled features."""
+
+    def __init__(self, **switches: Any) -> None:
+        super().__init__(state=False, **switches)
+        pooled = 3 * self.embed.out_features
+        self.critic = nn.Sequential(nn.Linear(pooled, CHANNELS), nn.ReLU(), nn.Linear(CHANNELS, 1))
+
+    def preferences_and_value(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """Preferences of the candidates (B, C), −∞ where padded, and the value of the state (B,)."""
+        shown, pooled = self.encode(batch)
+        return self.judge(batch, shown, pooled, None), self.critic(pooled).squeeze(-1)
+
+
+class PlusValues(GraphSTNNPlus):
+    """Our extension's features and attention with the noisy head of Graph-STNN: values that learn from returns."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.noisy, self.head = NoisyLinear(CHANNELS, CHANNELS), nn.Linear(CHANNELS, 1)
+
+    def forward(self, batch: CandidateBatch, hidden: Tensor, noise: Noise | None = None) -> tuple[Tensor, Tensor]:
+        """Values of the candidates (B, C), −∞ where padded, and the hidden state as given."""
+        shown = self.encode(batch)
+        if noise is not None:
+            shown = shown * noise.kept.unsqueeze(1)
+        return batch.masked(self.head(torch.relu(self.noisy(shown, noise))).squeeze(-1)), hidden
+
+    def noise(self, rngs: list, rate: float) -> Noise:
+        """Exploration noise for one episode of each generator."""
+        return Noise.draw(rngs, CHANNELS, CHANNELS, rate)
+
+
+RETURNS = ReturnsSettings(decay=EPISODES)
+GRADIENT = PolicyGradientSettings(decay=EPISODES)
+FAITHFUL = train.Recipe(GraphSTNN, ReturnsLearner, RETURNS, EPISODES)
+
+
+VARIANTS: dict[str, train.Recipe] = {
+    "Eq. 4, returns": FAITHFUL,
+    "the same, ω₁ = 2": dataclasses.replace(FAITHFUL, reward=RewardWeights(uncertainty=2.0)),
+    "the same, returns over 3 decisions (m of Eq. 21)": dataclasses.replace(
+        FAITHFUL, settings=dataclasses.replace(RETURNS, reach=3)
+    ),
+    "d along the path, returns": dataclasses.replace(FAITHFUL, network=partial(GraphSTNN, distance="path")),
+    "Eq. 4, policy gradient": train.Recipe(GraphPolicy, PolicyGradientLearner, GRADIENT, EPISODES),
+    "d along the path, policy gradient": train.Recipe(
+        partial(GraphPolicy, distance="path"), PolicyGradientLearner, GRADIENT, EPISODES
+    ),
+    "features of graph-stnn-plus, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
+    "features of graph-stnn-plus, policy gradient": train.Recipe(
+        GraphSTNNPlus, PolicyGradientLearner, GRADIENT, EPISODES
+    ),
+}
+
+
+def learned(name: str, recipe: train.Recipe, out: Path) -> dict[str, object]:
+    """Train a variant and let its best weights play."""
+    entry = dataclasses.replace(strategies()["graph-stnn"], factory="learning_causes:none", parameters={})
+    train.RECIPES["learning_causes"] = recipe
+    path = train.train("graph-stnn", entry, 0, None, True, out / re.sub(r"\W+", "-", name), print)
+    network = recipe.network()
+    load_weights(network, path)
+    return {"variant": name, "episodes": recipe.episodes} | scores(
+        lambda course, count: train.greedy(network, course, count)
+    )
+
+
+def untrained(name: str) -> dict[str, object]:
+    """Let an untrained strategy play."""
+    entry = strategies()[name]
+
+    def episodes(course: Course, count: int) -> list[Episode]:
+        made = [make_strategy(entry.factory, entry.parameters) for _ in range(count)]
+        for number, strategy in enumerate(made):
+            strategy.reset(course.generator(number, "strategy"))
+
+        def act(waiting: list[int], observations: list[Observation]) -> list[int]:
+            return [made[i].choose(observation) for i, observation in zip(waiting, observations, strict=True)]
+
+        return play(course, range(count), act)
+
+    return {"variant": f"`{name}`", "episodes": 0} | scores(episodes)
+
+
+def scores(episodes: Callable[[Course, int], list[Episode]]) -> dict[str, object]:
+    """Mean T, η, e and log e − log η of episodes at each size."""
+    row: dict[str, object] = {}
+    for size, count in WORLDS.items():
+        course = Course(PAPER.replace(size=size), "validate", 1)
+        values = np.array([episode.score(course.scenario) for episode in episodes(course, count)])
+        objective = (np.log(values[:, 2]) - np.log(values[:, 1])).mean()
+        means = dict(zip(("T", "η", "e"), values.mean(axis=0), strict=True)) | {"log e − log η": objective}
+        row |= {f"{key}, {size:g} m": value for key, value in means.items()}
+    return row
+
+
+def main() -> None:
+    """Run all variants, or those named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("results/learning"))
+    parser.add_argument("variants", nargs="*", metavar="VARIANT", default=list(VARIANTS))
+    asked = parser.parse_args()
+    rows = [learned(name, VARIANTS[name], asked.out) for name in asked.variants]
+    table = pd.DataFrame([*rows, *map(untrained, UNTRAINED)])
+    table.to_csv(Path(__file__).with_name("learning-causes.csv"), index=False, float_format="%.4g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
