@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -30,14 +30,14 @@ class Metric:
     symbol, unit : as printed.
     better : which direction is better; None where neither is.
     equation : definition, with its source.
-    value : the function of a trial's record.
+    value : the function of a trial's record; of a training curve for what training is measured by.
     """
 
     symbol: str
     unit: str
     better: Literal["lower", "higher"] | None
     equation: str
-    value: Callable[[TrialRecord], float]
+    value: Callable[[Any], float]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.records import Store
+from explore_bench.report.claims import examined, write_claims
 from explore_bench.report.figures import write_figures
 from explore_bench.report.tables import write_tables
 from explore_bench.report.training import write_training_figures
@@ -41,6 +42,7 @@ def write_report(folder: Path) -> Report:
             table.to_csv(folder / name, index=False, lineterminator="\n")
         files = [folder / "trials.csv", folder / "summary.csv"]
         files += write_tables(trials, summary, folder / "tables")
+        files += write_claims(examined(trials), folder)
         files += write_figures(store, records, folder / "figures")
         files += write_training_figures(folder / "figures")
     return Report(tuple(files), len(records), stale)

@@ -178,7 +178,7 @@ def paired_table(trials: pd.DataFrame) -> Table:
 def _paired(a: dict[int, float], b: dict[int, float]) -> str:
     """Difference of two strategies; a dash for a metric that is not defined for every trial."""
     values = [*a.values(), *b.values()]
-    return _text(paired_difference(a, b)) if all(map(math.isfinite, values)) else "–"
+    return interval_text(paired_difference(a, b)) if all(map(math.isfinite, values)) else "–"
 
 
 def _cells(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:
@@ -205,17 +205,18 @@ def _measured(lines: pd.DataFrame, metric: str, size: float) -> str:
     if (metric, size) not in lines.index or not lines.loc[(metric, size), "n"]:
         return ""
     line = lines.loc[(metric, size)]
-    text = _text(Estimate(line["mean"], line["ci_low"], line["ci_high"], int(line["n"])))
-    low, high = (_number(line[f"seed_{end}"], line["mean"]) for end in ("low", "high"))
+    text = interval_text(Estimate(line["mean"], line["ci_low"], line["ci_high"], int(line["n"])))
+    low, high = (number_text(line[f"seed_{end}"], line["mean"]) for end in ("low", "high"))
     return f"{text} ({low}–{high})" if line["seeds"] > 1 else text
 
 
-def _text(estimate: Estimate) -> str:
-    mean, low, high = (_number(value, estimate.mean) for value in (estimate.mean, estimate.low, estimate.high))
+def interval_text(estimate: Estimate) -> str:
+    """Mean with its interval."""
+    mean, low, high = (number_text(value, estimate.mean) for value in (estimate.mean, estimate.low, estimate.high))
     return mean if math.isnan(estimate.low) else f"{mean} [{low}, {high}]"
 
 
-def _number(value: float, mean: float) -> str:
+def number_text(value: float, mean: float) -> str:
     """Value with as many digits as suit a mean of this size."""
     digits = 1 if abs(mean) >= 100 else 2 if abs(mean) >= 10 else 3
     return f"{value:.{digits}f}".replace("-", "−")

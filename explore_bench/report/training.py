@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -12,10 +11,7 @@ from matplotlib.figure import Figure
 
 from explore_bench.registry import strategies
 from explore_bench.report.style import save_all, styled
-from explore_bench.results import read_csv
-from explore_bench.strategy import Entry
-from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
-from explore_bench.weights import weights_file
+from explore_bench.training_curve import WINDOW, on_one_axis, training_curves
 
 TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "table3"}
 """Figure → the table whose learned strategies it shows."""
@@ -28,18 +24,10 @@ def write_training_figures(folder: Path) -> list[Path]:
     written: list[Path] = []
     with styled():
         for name, table in TRAINING_FIGURES.items():
-            curves = {
-                key: own for key, entry in strategies().items() if table in entry.tables and (own := _curves(entry))
-            }
+            shown = {key: training_curves(entry) for key, entry in strategies().items() if table in entry.tables}
+            curves = {key: list(own.values()) for key, own in shown.items() if own}
             written += save_all(_figure(curves) if curves else None, folder / name)
     return written
-
-
-def _curves(entry: Entry) -> list[pd.DataFrame]:
-    """Curve of every training seed."""
-    files = [curve_path(weights_file(weights)) for weights in entry.weights.values()]
-    curves = [read_csv(file, tuple(CURVE_COLUMNS)) for file in files if file.is_file()]
-    return [curve for curve in curves if len(curve)]  # a training shorter than a row has none
 
 
 def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
@@ -60,16 +48,3 @@ def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))
     figure.suptitle(f"Training, means over {WINDOW:,} steps; bands: lowest to highest of the seeds", fontsize=10)
     return figure
-
-
-def on_one_axis(curves: list[pd.DataFrame], column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Curves of several seeds at common numbers of steps.
-
-    Returns
-    -------
-    Steps, shape (K,), up to where the shortest curve ends, and values, shape (seeds, K).
-    """
-    end = min(float(curve["steps"].iloc[-1]) for curve in curves)
-    steps = np.linspace(0.0, end, max(math.ceil(end / WINDOW), 2))[1:]
-    values = [np.interp(steps, curve["steps"], curve[column]) for curve in curves]
-    return steps, np.array(values)

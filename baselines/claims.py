@@ -1,0 +1,35 @@
+"""The four claims of Zhang et al. 2021 (§1, §4.2) as comparisons."""
+
+from __future__ import annotations
+
+from explore_bench.claims import Claim, comparisons
+
+_BOTH = ("trajectory_error", "exploration_efficiency")
+_ABLATIONS = (
+    *("no-state", "no-temporal", "no-spatial"),
+    *("no-temporal-state", "no-spatial-state", "no-spatial-temporal"),
+)
+
+CLAIMS = (
+    Claim(
+        "i",
+        "Obstacles in the graph help: a network that sees them chooses better targets than one that does not.",
+        comparisons("gcn-obs", ("gcn-no-obs", "gcn-obs-blind"), _BOTH, (20.0, 40.0)),
+    ),
+    Claim(
+        "ii",
+        "Spatial and temporal information help: the whole network explores better than it does without an encoder.",
+        comparisons("graph-stnn", _ABLATIONS, _BOTH, (20.0, 30.0, 40.0)),
+    ),
+    Claim(
+        "iii",
+        "It generalizes: trained at 20 m, Graph-STNN is better than the other methods at 30 and 40 m, too.",
+        comparisons("graph-stnn", ("gcn-no-obs", "gcn-obs", "entropy", "uncertainty", "random"), _BOTH, (30.0, 40.0)),
+        architecture=False,
+    ),
+    Claim(
+        "iv",
+        "It converges faster and earns more reward in training than the graph networks without its encoders.",
+        comparisons("graph-stnn", ("gcn-obs", "gcn-no-obs"), ("early_reward", "final_reward")),
+    ),
+)

@@ -1,0 +1,67 @@
+"""claims.md and claims.json from rows made by hand."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from explore_bench.claims import Claim, Comparison, claims, examine
+from explore_bench.report.claims import HEADER, comparison_table, examined, overview, sentence, write_claims
+
+CLAIM = Claim("x", "Nearest beats random.", (Comparison("nearest", "random", "trajectory_error", 20.0),), False)
+
+
+@pytest.fixture
+def trials():
+    """Twenty worlds on which nearest has e = 1 and random e = 2, but for two worlds on which it is the other way."""
+    values = {"nearest": [1.0] * 18 + [2.0] * 2, "random": [2.0] * 18 + [1.0] * 2}
+    rows = [
+        {"strategy": name, "size": 20.0, "trial": trial, "trajectory_error": value, "exploration_efficiency": 1.0}
+        for name, own in values.items()
+        for trial, value in enumerate(own)
+    ]
+    return pd.DataFrame(rows).assign(training_seed=pd.array([None] * len(rows), dtype="Int64"))
+
+
+def test_a_row_holds_every_number(trials):
+    [row] = comparison_table(CLAIM, examine(CLAIM, trials)).rows
+    cells = dict(zip(HEADER, row, strict=True))
+    assert (cells["claimed better"], cells["than"], cells["metric"], cells["size [m]"]) == (
+        "Nearest",
+        "Random",
+        "e",
+        "20",
+    )
+    assert (cells["n"], cells["means"], cells["relative [%]"]) == ("20", "1.100 / 1.900", "−42")
+    assert cells["difference"].startswith("−0.800 [−1.000, ")
+    assert (cells["P(better)"], cells["seeds"], cells["single seeds"]) == ("0.90", "– / –", "– / –")
+    assert cells["d_z"] == f"{0.8 / np.std([-1.0] * 18 + [1.0] * 2, ddof=1):+.2f}"
+    assert cells["verdict"] == "supported"
+
+
+def test_a_sentence_says_it_in_plain_words(trials):
+    text = sentence(examine(CLAIM, trials)[0])
+    assert text.startswith("Nearest has 42 % lower e than Random at 20 m (1.100 to 1.900 m; difference −0.800 [")
+    assert text.endswith(": supported.")
+
+
+def test_what_was_not_measured_is_said(trials):
+    only = trials[trials["strategy"] == "random"]
+    [finding] = examine(CLAIM, only)
+    assert sentence(finding) == "Nearest and Random at 20 m: not both measured in e."
+    assert comparison_table(CLAIM, [finding]).rows[0][-1] == "not measured"
+
+
+def test_all_claims_are_written_with_a_verdict_each_and_the_same_bytes_twice(trials, tmp_path):
+    found = examined(trials)
+    assert [row[0] for row in overview(found).rows] == [claim.name for claim in claims()]
+    first = [path.read_bytes() for path in write_claims(found, tmp_path)]
+    second = [path.read_bytes() for path in write_claims(examined(trials), tmp_path)]
+    assert first == second
+    page, values = first[0].decode(), json.loads(first[1])
+    assert [value["claim"] for value in values] == [claim.name for claim in claims()]
+    for claim, value in zip(claims(), values, strict=True):
+        assert f"## Claim ({claim.name}): {value['verdict']}" in page
+        assert len(value["comparisons"]) == len(claim.comparisons)
+    assert page.count("\n- ") == sum(len(claim.comparisons) for claim in claims())
