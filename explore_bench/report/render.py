@@ -7,6 +7,8 @@ from pathlib import Path
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.records import Store
+from explore_bench.report.aggregates import write_aggregates
+from explore_bench.report.agreement import write_agreement
 from explore_bench.report.claims import examined, write_claims
 from explore_bench.report.figures import write_figures
 from explore_bench.report.tables import write_tables
@@ -42,6 +44,8 @@ def write_report(folder: Path) -> Report:
             table.to_csv(folder / name, index=False, lineterminator="\n")
         files = [folder / "trials.csv", folder / "summary.csv"]
         files += write_tables(trials, summary, folder / "tables")
+        files += write_agreement(trials, summary, folder / "tables")
+        files += write_aggregates(trials, folder / "tables", folder / "figures")
         files += write_claims(examined(trials), folder)
         files += write_figures(store, records, folder / "figures")
         files += write_training_figures(folder / "figures")

@@ -120,7 +120,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
     columns = list(itertools.product(PAPER_METRICS, sizes))
     header = ["Method", "n", "seeds", "trials not explored"]
     for metric, size in columns:
-        header += [f"{_heading(METRICS[metric])} {size:g} m: paper", "ours"]
+        header += [f"{heading(METRICS[metric])} {size:g} m: paper", "ours"]
     rows = []
     names = [n for n, entry in strategies().items() if name in entry.tables]
     names += sorted(set(own["strategy"]) - set(strategies()))
@@ -131,7 +131,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
         worlds = [_value(lines, PAPER_METRICS[0], size, "n") for size in sizes]
         unfinished = [_value(lines, PAPER_METRICS[0], size, "failed") for size in sizes]
         seeds = [_value(lines, PAPER_METRICS[0], size, "seeds") for size in sizes]
-        row = [_label(strategy), _slashes(worlds), _slashes(seeds) if any(seeds) else "–"]
+        row = [label_of(strategy), _slashes(worlds), _slashes(seeds) if any(seeds) else "–"]
         row.append(_slashes(unfinished) if any(worlds) else "–")
         for metric, size in columns:
             paper = _value(lines, metric, size, "paper")
@@ -145,13 +145,13 @@ def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
     """How the trials of every strategy and size ended, and what else was measured."""
     units = {name: METRICS[name] for name in METRICS} | {"regret": REGRET}
     header = ["Method", "size [m]", "trials", *(status.replace("_", " ") for status in STATUSES), "stuck [%]"]
-    header += [_heading(units[name]) for name in DETAIL_METRICS]
+    header += [heading(units[name]) for name in DETAIL_METRICS]
     rows = []
     unique = summary.drop_duplicates(["strategy", "size", "metric"])
-    for (strategy, size), cell in _cells(trials):
+    for (strategy, size), cell in groups_of(trials):
         lines = unique[unique["strategy"] == strategy].set_index(["metric", "size"])
         counts = cell["status"].value_counts()
-        row = [_label(strategy), f"{size:g}", str(len(cell))]
+        row = [label_of(strategy), f"{size:g}", str(len(cell))]
         row += [str(counts.get(status, 0)) for status in STATUSES]
         row.append(f"{100 * counts.get('stuck', 0) / len(cell):.1f}")
         row += [_measured(lines, name, size) or "–" for name in DETAIL_METRICS]
@@ -161,11 +161,11 @@ def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
 
 def paired_table(trials: pd.DataFrame) -> Table:
     """Differences between every two strategies, paired by world; references are compared with nobody."""
-    header = ["size [m]", "A", "B", "n", *(f"{_heading(METRICS[name])}: A − B" for name in PAIRED_METRICS)]
+    header = ["size [m]", "A", "B", "n", *(f"{heading(METRICS[name])}: A − B" for name in PAIRED_METRICS)]
     rows = []
     for size in sorted(set(trials["size"])):
         here = trials[trials["size"] == size]
-        names = [n for (n, s), _ in _cells(here) if not entry_of(n).reference]
+        names = [n for (n, s), _ in groups_of(here) if not entry_of(n).reference]
         for a, b in itertools.combinations(names, 2):
             pair = [here[here["strategy"] == name] for name in (a, b)]
             both = set(pair[0]["trial"]) & set(pair[1]["trial"])
@@ -181,18 +181,20 @@ def _paired(a: dict[int, float], b: dict[int, float]) -> str:
     return interval_text(paired_difference(a, b)) if all(map(math.isfinite, values)) else "–"
 
 
-def _cells(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:
+def groups_of(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:
     """Trials of each strategy and size, in the registered order."""
     order = {name: i for i, name in enumerate(strategies())}
     cells = [((str(name), float(size)), cell) for (name, size), cell in trials.groupby(["strategy", "size"])]
     return sorted(cells, key=lambda item: (order.get(item[0][0], len(order)), item[0]))
 
 
-def _heading(metric: Metric) -> str:
+def heading(metric: Metric) -> str:
+    """Symbol and unit of a metric."""
     return metric.symbol if metric.unit == "1" else f"{metric.symbol} [{metric.unit}]"
 
 
-def _label(strategy: str) -> str:
+def label_of(strategy: str) -> str:
+    """Label of a strategy, marked where it is a reference."""
     entry = entry_of(strategy)
     return f"{entry.label} (reference)" if entry.reference else entry.label
 
@@ -217,7 +219,7 @@ def interval_text(estimate: Estimate) -> str:
 
 
 def number_text(value: float, mean: float) -> str:
-    """Value with as many digits as suit a mean of this size."""
+    """Return a value with as many digits as suit a mean of this size."""
     digits = 1 if abs(mean) >= 100 else 2 if abs(mean) >= 10 else 3
     return f"{value:.{digits}f}".replace("-", "−")
 

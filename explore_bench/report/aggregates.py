@@ -1,0 +1,115 @@
+"""Robust views of the same trials: interquartile means, times to coverage as survival curves, wins by world.
+
+Axes: worlds, with training seeds averaged within a world first, but for survival curves, whose units are trials.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from explore_bench.metrics import METRICS
+from explore_bench.report.style import entry_of, save_all, styled
+from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, label_of
+from explore_bench.results import by_world
+from explore_bench.statistics import Survival, interquartile_mean_interval, survival, win_tie_loss
+
+COVERAGES = {"t50": 0.5, "t80": 0.8, "t90": 0.9}
+COMPARED = "table2"
+"""Table whose strategies the figures show: ablations would bury them."""
+
+
+def write_aggregates(trials: pd.DataFrame, tables: Path, figures: Path) -> list[Path]:
+    """Write the tables `robust` and `wins` and a figure of survival curves a size; returns the files."""
+    written = robust_table(trials).write(tables, "robust") + wins_table(trials).write(tables, "wins")
+    with styled():
+        for size in sorted(set(trials["size"])):
+            shown = any(s == size and COMPARED in entry_of(name).tables for (name, s), _ in groups_of(trials))
+            written += save_all(survival_figure(trials, size) if shown else None, figures / f"times-{size:g}m")
+    return written
+
+
+def robust_table(trials: pd.DataFrame) -> Table:
+    """Interquartile means of e and η, and how fast trials reach a share of the map, of every strategy and size."""
+    header = ["Method", "size [m]", "n", *(f"{heading(METRICS[name])}, IQM" for name in PAPER_METRICS)]
+    header += [f"{METRICS[name].symbol}, median [step]" for name in COVERAGES] + ["never 90 %"]
+    rows = []
+    for (strategy, size), cell in groups_of(trials):
+        row = [label_of(strategy), f"{size:g}", str(cell["trial"].nunique())]
+        for name in PAPER_METRICS:
+            values = np.array(list(by_world(cell, name).values()))
+            row.append(interval_text(interquartile_mean_interval(values)) if np.isfinite(values).all() else "–")
+        curves = {name: coverage_survival(cell, name) for name in COVERAGES}
+        row += [f"{own.median:.0f}" if math.isfinite(own.median) else "–" for own in curves.values()]
+        row.append(f"{int((~_reached(cell, 't90')).sum())} of {len(cell)}")
+        rows.append(tuple(row))
+    note = (
+        "IQM: mean over the middle half of the worlds [95 % BCa bootstrap interval], training seeds averaged within a "
+        "world first. Medians of the time to a share of the map are Kaplan–Meier estimates over trials: one that ended "
+        "before is censored there, not left out."
+    )
+    return Table("Interquartile means and times to coverage", tuple(header), tuple(rows), note)
+
+
+def coverage_survival(cell: pd.DataFrame, name: str) -> Survival:
+    """Kaplan–Meier curve of the time to a share of the map, `name` of COVERAGES, over the trials of a cell."""
+    reached = _reached(cell, name)
+    times = np.where(reached, cell[name], cell["steps"])
+    return survival(times, reached)
+
+
+def _reached(cell: pd.DataFrame, name: str) -> np.ndarray:
+    """Which trials knew that share of the map before they ended; the time of the others is the step limit."""
+    return np.asarray((cell["explored"] >= COVERAGES[name]) | (cell[name] < cell["steps"]))
+
+
+def wins_table(trials: pd.DataFrame) -> Table:
+    """Worlds won, tied and lost by the first of every two strategies, in e and η; references compete with nobody."""
+    header = ("size [m]", "A", "B", *(f"{METRICS[name].symbol}: A wins/ties/loses" for name in PAPER_METRICS))
+    rows = []
+    for size in sorted(set(trials["size"])):
+        own = {name: cell for (name, s), cell in groups_of(trials) if s == size and not entry_of(name).reference}
+        for a, b in itertools.combinations(own, 2):
+            counts = [_wins(by_world(own[a], name), by_world(own[b], name), name) for name in PAPER_METRICS]
+            rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, *counts))
+    note = "Counts of worlds that both tried, training seeds averaged within a world first; less e and more η win."
+    return Table("Wins, ties and losses by world", header, tuple(rows), note)
+
+
+def _wins(a: dict[int, float], b: dict[int, float], metric: str) -> str:
+    sign = 1.0 if METRICS[metric].better == "higher" else -1.0
+    gains = np.array([sign * (a[world] - b[world]) for world in sorted(a.keys() & b.keys())])
+    return "/".join(map(str, win_tie_loss(gains))) if np.isfinite(gains).all() else "–"
+
+
+def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
+    """Share of trials that do not yet know 50, 80 and 90 % of the map, over the steps."""
+    own = {n: cell for (n, s), cell in groups_of(trials) if s == size and COMPARED in entry_of(n).tables}
+    figure, grid = plt.subplots(1, len(COVERAGES), figsize=(11.5, 3.8), sharey=True)
+    for axes, (metric, coverage) in zip(grid, COVERAGES.items(), strict=True):
+        for name, cell in own.items():
+            curve, entry = coverage_survival(cell, metric), entry_of(name)
+            last = float(np.where(_reached(cell, metric), cell[metric], cell["steps"]).max())
+            times, shares = _stairs(curve.times, curve.shares, last)
+            style = "--" if entry.reference else "-"
+            axes.step(times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=label_of(name))
+        axes.set(xlabel="step", title=f"trials below {coverage:.0%} of the map", ylim=(0, 1.02))
+        axes.set_xscale("log")
+    grid[0].set_ylabel("share of trials")
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(own)), fontsize=8)
+    figure.suptitle(f"{size:g} m × {size:g} m, Kaplan–Meier over trials", fontsize=10)
+    return figure
+
+
+def _stairs(times: np.ndarray, shares: np.ndarray, last: float) -> tuple[Sequence[float], Sequence[float]]:
+    """A survival curve from shortly before its first step to the last time seen."""
+    begin = 0.8 * float(times[0] if len(times) else last)
+    return [begin, *times, last], [1.0, *shares, shares[-1] if len(shares) else 1.0]

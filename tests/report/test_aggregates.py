@@ -1,0 +1,95 @@
+"""Interquartile means, times to coverage and wins, from rows made by hand."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from explore_bench.report.aggregates import coverage_survival, robust_table, wins_table, write_aggregates
+from explore_bench.statistics import interquartile_mean_interval
+
+LIMIT = 1000
+
+
+def trial(strategy, number, t90=100, explored=0.9, steps=None, error=1.0, efficiency=1.0, seed=None):
+    return {
+        "strategy": strategy,
+        "training_seed": seed,
+        "size": 20.0,
+        "trial": number,
+        "explored": explored,
+        "steps": t90 if steps is None else steps,
+        "t50": 10.0,
+        "t80": min(50.0, float(t90)),
+        "t90": float(t90),
+        "trajectory_error": error,
+        "exploration_efficiency": efficiency,
+    }
+
+
+def frame(*rows):
+    return pd.DataFrame(rows).astype({"training_seed": "Int64"})
+
+
+STUCK = {"t90": LIMIT, "explored": 0.85, "steps": 60}
+"""A trial that got stuck after 60 steps knowing 85 % of the map."""
+
+
+def test_a_trial_that_ended_before_is_censored_where_it_ended():
+    """Of 40, 60 (stuck), 80 and 100: at 40 a quarter is done; the stuck one leaves two; half of the rest at 80."""
+    cell = frame(
+        trial("nearest", 0, 40), trial("nearest", 1, **STUCK), trial("nearest", 2, 80), trial("nearest", 3, 100)
+    )
+    curve = coverage_survival(cell, "t90")
+    shares = dict(zip(curve.times.tolist(), curve.shares.tolist(), strict=True))
+    assert shares[40.0] == pytest.approx(0.75)
+    assert shares[80.0] == pytest.approx(0.375)
+    assert curve.median == 80.0
+    assert coverage_survival(cell, "t80").median == 50.0
+
+
+def test_a_trial_that_reached_it_at_its_very_last_step_counts_as_having_reached_it():
+    assert coverage_survival(frame(trial("nearest", 0, 100, explored=0.9, steps=100)), "t90").median == 100.0
+
+
+def test_the_robust_table_has_interquartile_means_medians_and_failures():
+    rows = [trial("nearest", i, 100 + i, error=e) for i, e in enumerate((9.0, 1.0, 2.0, 3.0))]
+    rows += [trial("random", i, **STUCK) for i in range(3)]
+    by_label = {row[0]: row for row in robust_table(frame(*rows)).rows}
+    nearest, random = by_label["Nearest"], by_label["Random"]
+    expected = interquartile_mean_interval(np.array([9.0, 1.0, 2.0, 3.0]))
+    assert nearest[3] == f"{expected.mean:.3f} [{expected.low:.3f}, {expected.high:.3f}]"
+    assert nearest[5:] == ("10", "50", "101", "0 of 4")
+    assert random[5:] == ("10", "50", "–", "3 of 3")
+
+
+def test_wins_are_by_world_and_in_the_direction_of_the_metric():
+    """Of three worlds nearest has less e on one, equal e on one, more η on two; the reference does not compete."""
+    rows = [trial("nearest", i, error=e, efficiency=n) for i, (e, n) in enumerate([(1, 3), (2, 3), (3, 1)])]
+    rows += [trial("random", i, error=2, efficiency=2) for i in range(4)]
+    rows += [trial("clairvoyant", i) for i in range(3)]
+    [row] = wins_table(frame(*rows)).rows
+    assert row == ("20", "Random", "Nearest", "1/1/1", "1/0/2")
+
+
+def test_a_value_that_is_not_defined_gives_a_dash():
+    rows = [trial("nearest", 0, efficiency=math.nan), trial("random", 0)]
+    [row] = wins_table(frame(*rows)).rows
+    assert row[3:] == ("0/1/0", "–")
+    assert {row[0]: row[4] for row in robust_table(frame(*rows)).rows}["Nearest"] == "–"
+
+
+def test_tables_and_a_figure_a_size_are_written_and_the_same_bytes_twice(tmp_path):
+    rows = frame(
+        *(trial(name, i, 100 + i) for name in ("nearest", "random") for i in range(3)), trial("random", 3, **STUCK)
+    )
+    first = {path: path.read_bytes() for path in write_aggregates(rows, tmp_path, tmp_path)}
+    assert {path.name for path in first} >= {"robust.md", "wins.csv", "times-20m.svg", "times-20m.png"}
+    assert first == {path: path.read_bytes() for path in write_aggregates(rows, tmp_path, tmp_path)}
+
+
+def test_ablations_alone_have_no_figure(tmp_path):
+    names = {path.name for path in write_aggregates(frame(trial("no-state", 0)), tmp_path, tmp_path)}
+    assert "robust.md" in names
+    assert "times-20m.svg" not in names
