@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
@@ -22,7 +22,7 @@ import pandas as pd
 from explore_bench.errors import RequestError
 from explore_bench.metrics import METRICS, Metric
 from explore_bench.registry import strategies
-from explore_bench.results import by_world, seed_means
+from explore_bench.results import by_world, plain, seed_means
 from explore_bench.statistics import (
     Estimate,
     effect_size,
@@ -238,8 +238,6 @@ def _nothing(comparison: Comparison) -> Finding:
 
 
 def _judged(finding: Finding, p_holm: float, architecture: bool) -> Finding:
-    from dataclasses import replace
-
     better = metric_of(finding.comparison).better
     held = finding.difference.mean > 0 if better == "higher" else finding.difference.mean < 0
     if not finding.n:
@@ -256,15 +254,6 @@ def _judged(finding: Finding, p_holm: float, architecture: bool) -> Finding:
 
 def as_values(claim: Claim, findings: Sequence[Finding]) -> dict[str, Any]:
     """A claim and its findings as plain values, not-a-numbers as None."""
-    from dataclasses import asdict
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(item) for key, item in value.items()}
-        if isinstance(value, (list, tuple)):
-            return [plain(item) for item in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
     return {
         "claim": claim.name,
         "statement": claim.statement,

@@ -7,6 +7,7 @@ or nothing was measured; 130 interrupted.
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import sys
 from collections.abc import Callable, Sequence
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, writing
 
 if TYPE_CHECKING:
     from explore_bench.scenario import Scenario
@@ -194,6 +195,23 @@ def report(results: Path) -> int:
     written = write_report(results)
     stale = f", {written.stale} of older code left out" if written.stale else ""
     click.echo(f"{len(written.files)} files in {results} from {written.trials} trials{stale}")
+    return DONE
+
+
+@cli.command()
+@click.argument("a", type=click.Path(path_type=Path))
+@click.argument("b", type=click.Path(path_type=Path))
+@click.option("--json", "file", type=click.Path(path_type=Path), metavar="FILE", help="Write the numbers as JSON, too.")
+def compare(a: Path, b: Path, file: Path | None) -> int:
+    """Compare two results folders by their trials.csv, B against A, paired by world."""
+    from explore_bench.comparison import compare_folders
+    from explore_bench.report.comparison import comparison_table
+
+    found = compare_folders(a, b)
+    click.echo(comparison_table(found).markdown(), nl=False)
+    if file is not None:
+        with writing(file):
+            file.write_text(json.dumps(found.values(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return DONE
 
 

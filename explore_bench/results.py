@@ -157,6 +157,15 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     return table
 
 
+def plain(value: Any) -> Any:
+    """Nested values as JSON knows them: tuples as lists, numbers that are not finite as None."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def by_world(table: pd.DataFrame, metric: str) -> dict[int, float]:
     """Values of a metric by world, training seeds averaged within a world; NaN where one of them is."""
     return {int(trial): float(np.mean(own.to_numpy())) for trial, own in table.groupby("trial")[metric]}

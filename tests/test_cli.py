@@ -571,6 +571,25 @@ def test_a_report_of_trials_that_failed_can_be_written(call, smoke, tmp_path, so
     assert "Plugin" in (tmp_path / "results" / "tables" / "details.md").read_text()
 
 
+def test_two_folders_are_compared_by_world_as_a_table_and_as_json(call, smoke, tmp_path):
+    for folder, names in (("a", ("nearest",)), ("b", ("nearest", "random"))):
+        arguments = [item for name in names for item in ("-s", name)]
+        assert call(*smoke, *arguments, "--trials", 2, "--results", tmp_path / folder)[0] == 0
+    code, out, _ = call("compare", tmp_path / "a", tmp_path / "b", "--json", tmp_path / "c.json")
+    assert code == 0
+    assert "| Nearest | 12 | e [m] | 2 |" in out
+    assert "- random, 12 m: 2 worlds only in B" in out
+    values = json.loads((tmp_path / "c.json").read_text())
+    assert {row["difference"]["mean"] for row in values["differences"]} == {0.0}
+
+
+def test_a_comparison_with_a_folder_without_trials_or_to_a_file_that_cannot_be(refused, call, smoke, tmp_path):
+    assert "nowhere" in refused("compare", tmp_path / "nowhere", tmp_path)
+    assert call(*smoke, "-s", "nearest", "--trials", 1, "--results", tmp_path / "a")[0] == 0
+    code, _, err = call("compare", tmp_path / "a", tmp_path / "a", "--json", tmp_path / "no" / "c.json")
+    assert (code, err.count("\n")) == (2, 1)
+
+
 def test_a_demo_draws_one_trial_and_writes_nothing_else(call, tmp_path, tiny, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, err = call("demo", "nearest", "--scenario", tiny, "--size", 12, "--output", tmp_path / "a.png")
