@@ -9,7 +9,7 @@ TRAININGS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean lint perf report setup test test-slow train
+.PHONY: bench bench-smoke calibrate clean lint perf report robustness setup test test-slow train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure
 	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
@@ -17,6 +17,10 @@ bench: $(READY)          ## Run the paper suite, then write every table and figu
 bench-smoke: $(READY)    ## The same in under a minute, into results/smoke
 	@$(BIN)/explore-bench run smoke --results results/smoke; status=$$?; \
 	  $(BIN)/explore-bench report --results results/smoke && exit $$status
+
+robustness: $(READY)     ## Every strategy under other noise, ranges, densities and occlusion, into results/robustness
+	@$(BIN)/explore-bench run robustness --results results/robustness; status=$$?; \
+	  $(BIN)/explore-bench report --results results/robustness && exit $$status
 
 report: $(READY)         ## Tables and figures from stored records
 	$(BIN)/explore-bench report

@@ -163,7 +163,7 @@ def _run(
     runner.check_runnable(asked.specs)
     store = Store(results)
     if not dry_run or store.exists():
-        store.open(seed, "evaluate", physics or PAPER)
+        store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
     to_do = list(missing(store, asked.specs))
     workers = workers or runner.default_workers()
     stored = len(asked.specs) - len(to_do)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from explore_bench.results import KEYS, by_world, plain, read_csv
 from explore_bench.statistics import Estimate, effect_size, holm, improvement_probability, mean_interval, sign_flip_p
 
 COMPARED_METRICS = ("trajectory_error", "exploration_efficiency", "t90")
+CELL = ["strategy", "size", "scenario"]
 LEVEL = 0.05
 """Family-wise error rate over all differences of a comparison."""
 
@@ -37,6 +39,7 @@ class Difference:
 
     strategy: str
     size: float
+    scenario: str
     metric: str
     n: int
     means: tuple[float, float]
@@ -68,18 +71,16 @@ def compare_folders(a: Path, b: Path) -> FolderComparison:
     ------
     RequestError : where one of the folders has no trials.csv, or they share no world.
     """
-    columns = (*KEYS, "world", "status", "scenario", *COMPARED_METRICS)
+    columns = (*KEYS, "world", "status", *COMPARED_METRICS)
     tables = [read_csv(folder / "trials.csv", columns) for folder in (a, b)]
     pair, left_out = _common(*tables)
     found = []
-    for (strategy, size), own in pair[0].groupby(["strategy", "size"]):
-        other = pair[1][(pair[1]["strategy"] == strategy) & (pair[1]["size"] == size)]
-        if not len(other):
-            continue
+    others = dict(list(pair[1].groupby(CELL)))
+    for cell, own in pair[0].groupby(CELL):
         for metric in COMPARED_METRICS:
-            difference = _difference(str(strategy), float(size), metric, own, other)
+            difference = _difference(cell, metric, own, others[cell])
             if difference is None:
-                left_out.append(f"{strategy}, {size:g} m: {metric} is not defined for every trial")
+                left_out.append(f"{_place(cell)}: {metric} is not defined for every trial")
             else:
                 found.append(difference)
     if not found:
@@ -91,17 +92,14 @@ def compare_folders(a: Path, b: Path) -> FolderComparison:
 
 def _common(a: pd.DataFrame, b: pd.DataFrame) -> tuple[list[pd.DataFrame], list[str]]:
     """Trials of strategies and worlds that both tables have, and in words what only one of them has."""
-    place = ["strategy", "size", "trial", "world"]
+    place = [*CELL, "trial", "world"]
     keys = [set(map(tuple, table[place].to_numpy().tolist())) for table in (a, b)]
     common = keys[0] & keys[1]
     kept = [table[[tuple(row) in common for row in table[place].to_numpy().tolist()]] for table in (a, b)]
     said = []
     for name, own in zip(("A", "B"), keys, strict=True):
-        only = pd.Series([(str(key[0]), float(key[1])) for key in own - common], dtype=object)
-        said += [
-            f"{strategy}, {size:g} m: {count} worlds only in {name}"
-            for (strategy, size), count in sorted(only.value_counts().items())
-        ]
+        only = Counter(_place(key) for key in own - common)
+        said += [f"{place}: {count} worlds only in {name}" for place, count in sorted(only.items())]
     for table, name in zip(kept, ("A", "B"), strict=True):
         failed = int((table["status"] != "explored").sum())
         if failed:
@@ -109,7 +107,12 @@ def _common(a: pd.DataFrame, b: pd.DataFrame) -> tuple[list[pd.DataFrame], list[
     return kept, said
 
 
-def _difference(strategy: str, size: float, metric: str, a: pd.DataFrame, b: pd.DataFrame) -> Difference | None:
+def _place(cell: Any) -> str:
+    strategy, size, scenario, *_ = cell
+    return f"{strategy}, {size:g} m" + (f", {scenario}" if scenario != "paper" else "")
+
+
+def _difference(cell: Any, metric: str, a: pd.DataFrame, b: pd.DataFrame) -> Difference | None:
     values = by_world(a, metric), by_world(b, metric)
     first, second = (np.array([own[world] for world in sorted(own)]) for own in values)
     if not (np.isfinite(first).all() and np.isfinite(second).all()):
@@ -117,8 +120,9 @@ def _difference(strategy: str, size: float, metric: str, a: pd.DataFrame, b: pd.
     change = second - first
     gains = change if METRICS[metric].better == "higher" else -change
     return Difference(
-        strategy,
-        size,
+        str(cell[0]),
+        float(cell[1]),
+        str(cell[2]),
         metric,
         len(change),
         (float(first.mean()), float(second.mean())),

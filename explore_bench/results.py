@@ -39,7 +39,7 @@ SUMMARY_COLUMNS = (
     *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
     *("seeds", "seed_low", "seed_high"),
 )
-KEYS = ["strategy", "training_seed", "size", "trial"]
+KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
 TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
 
 
@@ -97,9 +97,9 @@ def write_trials(store: Store) -> pd.DataFrame:
 
 def select(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
     """Rows of the trials of a plan."""
-    wanted = {(spec.strategy, spec.training_seed, spec.scenario.size, spec.trial) for spec in specs}
+    wanted = {(spec.strategy, spec.training_seed, spec.scenario.size, spec.trial, spec.scenario_name) for spec in specs}
     seeds = [None if pd.isna(seed) else int(seed) for seed in table["training_seed"]]
-    keys = zip(table["strategy"], seeds, table["size"], table["trial"], strict=True)
+    keys = zip(table["strategy"], seeds, table["size"], table["trial"], table["scenario"], strict=True)
     return table[[key in wanted for key in keys]].reset_index(drop=True)
 
 
@@ -112,6 +112,7 @@ def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
             "training_seed": outcome.spec.training_seed,
             "size": outcome.spec.scenario.size,
             "trial": outcome.spec.trial,
+            "scenario": outcome.spec.scenario_name,
             "seconds": outcome.seconds,
             "steps": outcome.steps,
             "decisions": len(outcome.decision_seconds),

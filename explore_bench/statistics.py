@@ -107,6 +107,16 @@ def paired_difference(a: dict[int, float], b: dict[int, float], seed: int = 0) -
     return mean_interval(np.array([a[world] - b[world] for world in worlds]), seed)
 
 
+def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
+    """Mean of a over mean of b, paired by world, shape (n,) each, with its percentile bootstrap interval."""
+    count, ratio = len(a), float(np.mean(a) / np.mean(b))
+    if count < 2:
+        return Estimate(ratio, math.nan, math.nan, count)
+    rng = stream("evaluate", seed, 0, 0, "statistics")
+    weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
+    return Estimate(ratio, *_percentiles((weights @ a) / (weights @ b)), count)
+
+
 def mean_difference(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
     """Mean of a minus mean of b, unpaired, shapes (n,) and (m,), with its percentile bootstrap interval.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from explore_bench.errors import RequestError, unknown
 from explore_bench.registry import lookup, strategies
@@ -24,11 +25,14 @@ class Suite:
     ----------
     parts : (table, sizes [m]) pairs; a strategy runs at the sizes of every table that it belongs to.
     trials : worlds a size.
+    variations : changes of the physical constants by the name under which their trials are kept; none for a suite
+        that runs on the constants as they are.
     """
 
     description: str
     parts: tuple[tuple[str, tuple[float, ...]], ...]
     trials: int = 50
+    variations: Mapping[str, Mapping[str, float | bool]] = field(default_factory=dict)
 
     @property
     def sizes(self) -> tuple[float, ...]:
@@ -45,21 +49,48 @@ BETWEEN = ("table2", (30.0,))  # the paper prints no such column; the generaliza
 TABLE3 = ("table3", (20.0, 30.0, 40.0))
 LAYERS = ("layers", (20.0,))
 
+ROBUSTNESS: dict[str, dict[str, float | bool]] = {
+    "paper": {},
+    "odometry noise × 2": {"odometry_sigma": 2 * PAPER.odometry_sigma},
+    "odometry noise × 4": {"odometry_sigma": 4 * PAPER.odometry_sigma},
+    "sensor range 3 m": {"sensor_range": 3.0},
+    "sensor range 8 m": {"sensor_range": 8.0},
+    "landmarks × ½": {"landmark_density": 0.5 * PAPER.landmark_density},
+    "landmarks × 2": {"landmark_density": 2 * PAPER.landmark_density},
+    "obstacles × ½": {"obstacle_density": 0.5 * PAPER.obstacle_density},
+    "obstacles × 2": {"obstacle_density": 2 * PAPER.obstacle_density},
+    "occlusion": {"occlusion": True},
+}
+"""What the suite of that name changes, one constant at a time; the first is what the others are compared with."""
+
 SUITES: dict[str, Suite] = {
     "smoke": Suite("a look at every strategy in under a minute", (("table2", (20.0,)),), trials=4),
     "table2": Suite("Table 2, Figures 10 and 11: the compared methods at 20 and 40 m", (TABLE2,)),
     "table3": Suite("Table 3, Figures 13 to 15: the ablations at 20, 30 and 40 m", (TABLE3,)),
     "layers": Suite("Figure 8: Graph-STNN with 1, 2 and 3 GCN layers at 20 m", (LAYERS,)),
     "paper": Suite("all of the paper: table2 (also at 30 m), table3 and layers", (TABLE2, BETWEEN, TABLE3, LAYERS)),
+    "robustness": Suite(
+        "all strategies at 20 m under other noise, sensor ranges, densities and occlusion; give it a folder of its own",
+        tuple((table, (20.0,)) for table in ("table2", "table3", "layers")),
+        trials=20,
+        variations=ROBUSTNESS,
+    ),
 }
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Trials that a request asks for, and the strategies it names that cannot run for want of weights."""
+    """Trials that a request asks for.
+
+    Attributes
+    ----------
+    untrained : strategies it names that cannot run for want of weights.
+    varied : whether its trials run on several sets of physical constants.
+    """
 
     specs: tuple[TrialSpec, ...]
     untrained: tuple[str, ...]
+    varied: bool = False
 
 
 def plan(
@@ -72,7 +103,7 @@ def plan(
     scenario_name: str = "paper",
     purpose: Purpose = "evaluate",
 ) -> Plan:
-    """List the trials of a suite: pure, cheap, in the order of strategies, sizes, training seeds and trials.
+    """List the trials of a suite: pure, cheap, in the order of strategies, sizes, variations, seeds and trials.
 
     Parameters
     ----------
@@ -81,7 +112,8 @@ def plan(
     sizes : edges of the maps [m] instead of the suite's.
     trials : number of worlds instead of the suite's.
     root : root seed; 0 is the benchmark's own.
-    scenario : physical constants instead of the paper's; a size that it sets stands unless `sizes` is given.
+    scenario : physical constants instead of the paper's; a size that it sets stands unless `sizes` is given. The
+        variations of a suite change them further.
 
     Raises
     ------
@@ -102,6 +134,7 @@ def plan(
     picked = [lookup(name) for name in dict.fromkeys(names)] or list(strategies().items())
     if len({name for name, _ in picked}) < len(picked):
         raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory.")
+    variations = chosen.variations or {scenario_name: {}}
     specs: list[TrialSpec] = []
     untrained: list[str] = []
     for name, entry in picked:
@@ -111,8 +144,8 @@ def plan(
         if not entry.ready:
             untrained.append(name)
             continue
-        for size in own_sizes:
-            physics = base.replace(size=size)
+        for size, (kept_as, changes) in itertools.product(own_sizes, variations.items()):
+            physics = base.replace(size=size, **changes)
             specs += [
                 TrialSpec(
                     strategy=name,
@@ -121,7 +154,7 @@ def plan(
                     trial=trial,
                     parameters=dict(entry.parameters),
                     reference=entry.reference,
-                    scenario_name=scenario_name,
+                    scenario_name=kept_as,
                     purpose=purpose,
                     root=root,
                     training_seed=seed,
@@ -130,4 +163,4 @@ def plan(
                 for seed, weights in (entry.weights.items() or [(None, None)])
                 for trial in range(count)
             ]
-    return Plan(tuple(specs), tuple(untrained))
+    return Plan(tuple(specs), tuple(untrained), bool(chosen.variations))

@@ -577,8 +577,8 @@ def test_two_folders_are_compared_by_world_as_a_table_and_as_json(call, smoke, t
         assert call(*smoke, *arguments, "--trials", 2, "--results", tmp_path / folder)[0] == 0
     code, out, _ = call("compare", tmp_path / "a", tmp_path / "b", "--json", tmp_path / "c.json")
     assert code == 0
-    assert "| Nearest | 12 | e [m] | 2 |" in out
-    assert "- random, 12 m: 2 worlds only in B" in out
+    assert "| Nearest | 12, tiny.toml | e [m] | 2 |" in out
+    assert "- random, 12 m, tiny.toml: 2 worlds only in B" in out
     values = json.loads((tmp_path / "c.json").read_text())
     assert {row["difference"]["mean"] for row in values["differences"]} == {0.0}
 
@@ -588,6 +588,18 @@ def test_a_comparison_with_a_folder_without_trials_or_to_a_file_that_cannot_be(r
     assert call(*smoke, "-s", "nearest", "--trials", 1, "--results", tmp_path / "a")[0] == 0
     code, _, err = call("compare", tmp_path / "a", tmp_path / "a", "--json", tmp_path / "no" / "c.json")
     assert (code, err.count("\n")) == (2, 1)
+
+
+def test_robustness_has_a_folder_of_its_own_and_a_report_of_its_own(call, refused, tmp_path):
+    own = ("run", "robustness", "-s", "nearest", "--size", 12, "--trials", 1, "--backend", "sequential")
+    assert call(*own, "--results", tmp_path / "own")[:1] == (0,)
+    assert len(pd.read_csv(tmp_path / "own" / "trials.csv")) == 10
+    assert len(pd.read_csv(tmp_path / "own" / "times.csv")) == 10
+    assert "0 to do" in call(*own, "--results", tmp_path / "own")[1]
+    assert call("report", "--results", tmp_path / "own")[0] == 0
+    assert (tmp_path / "own" / "tables" / "sensitivity.md").is_file()
+    assert not (tmp_path / "own" / "summary.csv").exists()
+    assert "'any'" in refused("run", "smoke", "-s", "nearest", "--trials", 1, "--results", tmp_path / "own")
 
 
 def test_a_demo_draws_one_trial_and_writes_nothing_else(call, tmp_path, tiny, monkeypatch):

@@ -24,6 +24,7 @@ from explore_bench.statistics import (
     mean_interval,
     paired_difference,
     permutation_p,
+    ratio_interval,
     sign_flip_p,
     survival,
     win_tie_loss,
@@ -231,6 +232,17 @@ def test_unpaired_samples_are_compared_as_scipy_does():
     assert estimate.low < estimate.mean < estimate.high
     assert estimate.n == 3
     assert math.isnan(mean_difference(a, b[:1]).low)
+
+
+def test_a_ratio_of_means_resamples_worlds_together():
+    """Where one is always twice the other there is no doubt about the ratio, however much worlds differ."""
+    assert ratio_interval(2 * SKEWED, SKEWED) == Estimate(2.0, 2.0, 2.0, 50)
+    other = np.random.default_rng(6).exponential(3.0, 50)
+    estimate = ratio_interval(other, SKEWED)
+    assert estimate.mean == pytest.approx(other.mean() / SKEWED.mean())
+    assert estimate.low < estimate.mean < estimate.high
+    assert ratio_interval(other, SKEWED) == estimate != ratio_interval(other, SKEWED, 1)
+    assert math.isnan(ratio_interval(other[:1], SKEWED[:1]).low)
 
 
 def test_holm_by_hand():

@@ -52,8 +52,36 @@ def every_field(spec):
 
 
 def test_the_suites_of_the_benchmark():
-    assert list(SUITES) == ["smoke", "table2", "table3", "layers", "paper"]
+    assert list(SUITES) == ["smoke", "table2", "table3", "layers", "paper", "robustness"]
     assert all(suite.description for suite in SUITES.values())
+
+
+def test_robustness_runs_every_strategy_at_20_m_under_every_variation_of_one_constant(all_trained):
+    asked = plan("robustness")
+    assert asked.varied
+    assert not plan("paper").varied
+    assert {spec.strategy for spec in asked.specs} == set(strategies())
+    names = list(SUITES["robustness"].variations)
+    assert names[0] == "paper"
+    for strategy in ("nearest", "gcn-obs"):
+        own = [spec for spec in asked.specs if spec.strategy == strategy and spec.training_seed in (None, 0)]
+        assert [spec.scenario_name for spec in own] == [name for name in names for _ in range(20)]
+        assert {spec.trial for spec in own} == set(range(20))
+    physics = {spec.scenario_name: spec.scenario for spec in asked.specs}
+    assert len(set(physics.values())) == len(names) == 10
+    for name, scenario in physics.items():
+        changes = SUITES["robustness"].variations[name]
+        assert scenario == PAPER.replace(**changes)
+        assert len(changes) == (name != "paper")
+    assert PAPER.odometry_sigma * 4 == physics["odometry noise × 4"].odometry_sigma
+    assert physics["sensor range 3 m"].sensor_range == 3.0
+    assert physics["occlusion"].occlusion
+
+
+def test_variations_change_a_scenario_that_is_given():
+    asked = plan("robustness", ["nearest"], trials=1, scenario=PAPER.replace(range_sigma=0.1)).specs
+    assert {spec.scenario.range_sigma for spec in asked} == {0.1}
+    assert len(asked) == 10
 
 
 def test_table_2_runs_at_20_and_40_m_and_table_3_at_30_m_too_on_50_worlds():

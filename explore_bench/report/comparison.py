@@ -24,7 +24,7 @@ def comparison_table(found: FolderComparison) -> Table:
 def _row(own: Difference) -> tuple[str, ...]:
     return (
         entry_of(own.strategy).label,
-        f"{own.size:g}",
+        f"{own.size:g}" + (f", {own.scenario}" if own.scenario != "paper" else ""),
         heading(METRICS[own.metric]),
         str(own.n),
         *(number_text(mean, mean) for mean in own.means),
