@@ -54,6 +54,11 @@ def table2() -> str:
     return (ROOT / "results" / "tables" / "table2.md").read_text(encoding="utf-8")
 
 
+def claims() -> str:
+    """Verdicts on the paper's claims as `explore-bench report` wrote them."""
+    return (ROOT / "results" / "tables" / "claims.md").read_text(encoding="utf-8")
+
+
 def calibration_result() -> str:
     """The settings of the last pass, best first."""
     fine = pd.read_csv(STUDIES / "calibration-fine.csv")
@@ -187,6 +192,7 @@ def regrets() -> str:
 
 PARTS: dict[str, Callable[[], str]] = {
     "table2": table2,
+    "claims": claims,
     "calibration-result": calibration_result,
     "calibration-coarse": calibration_coarse,
     "calibration-fit": calibration_fit,

@@ -37,7 +37,7 @@ def examined(trials: pd.DataFrame) -> dict[Claim, list[Finding]]:
 
 
 def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
-    """Write claims.md and claims.json; returns the files."""
+    """Write claims.md, claims.json and the table `claims`; returns the files."""
     page = [f"# Do the claims hold?\n\n{INTRODUCTION}\n", overview(found).markdown()]
     for claim, findings in found.items():
         page.append(f"## Claim ({claim.name}): {verdict(findings)}\n\n{claim.statement} {summary(findings)}\n")
@@ -47,7 +47,7 @@ def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
     files = {"claims.md": "\n".join(page), "claims.json": json.dumps(values, indent=1, ensure_ascii=False) + "\n"}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in files]
+    return [folder / name for name in files] + overview(found).write(folder / "tables", "claims")
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:
