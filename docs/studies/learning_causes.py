@@ -88,9 +88,6 @@ VARIANTS: dict[str, train.Recipe] = {
     ),
     "d along the path, returns": dataclasses.replace(FAITHFUL, network=partial(GraphSTNN, distance="path")),
     "Eq. 4, policy gradient": train.Recipe(GraphPolicy, PolicyGradientLearner, GRADIENT, EPISODES),
-    "d along the path, policy gradient": train.Recipe(
-        partial(GraphPolicy, distance="path"), PolicyGradientLearner, GRADIENT, EPISODES
-    ),
     "features of graph-stnn-plus, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
     "features of graph-stnn-plus, policy gradient": train.Recipe(
         GraphSTNNPlus, PolicyGradientLearner, GRADIENT, EPISODES
