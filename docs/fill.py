@@ -37,6 +37,8 @@ MARGINS = {"trajectory_error": "e", "exploration_efficiency": "η"}
 PAIRS = (
     ("graph-stnn", "uncertainty"),
     ("graph-stnn", "gcn-obs"),
+    ("graph-stnn-path", "graph-stnn"),
+    ("graph-stnn-path", "uncertainty"),
     ("gcn-obs", "gcn-no-obs"),
     ("gcn-obs", "gcn-obs-blind"),
     *(("graph-stnn", name) for name, entry in strategies().items() if entry.tables == ("table3",)),
