@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.records import Store
 from explore_bench.report.figures import write_figures
-from explore_bench.report.tables import write_tables
+from explore_bench.report.html import Content, Section, write_page
+from explore_bench.report.tables import report_tables, write_tables
 from explore_bench.report.training import write_training_figures
 from explore_bench.results import summary_table, trial_table
 
@@ -22,8 +24,10 @@ class Report:
     stale: int
 
 
-def write_report(folder: Path) -> Report:
-    """Write trials.csv, summary.csv, tables and figures of a results folder from its records.
+def write_report(folder: Path, sections: Sequence[Section] = ()) -> Report:
+    """Write trials.csv, summary.csv, tables, figures and the page of a results folder from its records.
+
+    The page shows `sections` before its tables.
 
     Raises
     ------
@@ -40,7 +44,11 @@ def write_report(folder: Path) -> Report:
         for name, table in (("trials.csv", trials), ("summary.csv", summary)):
             table.to_csv(folder / name, index=False, lineterminator="\n")
         files = [folder / "trials.csv", folder / "summary.csv"]
-        files += write_tables(trials, summary, folder / "tables")
+        tables = report_tables(trials, summary)
+        files += write_tables(tables, folder / "tables")
         files += write_figures(store, records, folder / "figures")
         files += write_training_figures(folder / "figures")
+        drawn = [file for file in files if file.suffix == ".svg"]
+        content = Content(store, records, trials, tuple(tables.values()), drawn, tuple(sections))
+        files.append(write_page(content, folder / "report.html"))
     return Report(tuple(files), len(records), stale)
