@@ -13,34 +13,19 @@ import jinja2
 import pandas as pd
 from markupsafe import Markup
 
-from explore_bench.metrics import score
 from explore_bench.records import Store, TrialRecord
 from explore_bench.registry import strategies
-from explore_bench.report import scene
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps
+from explore_bench.report.markup import column_attributes, dot, header_groups, row_scope
 from explore_bench.report.origin import origin_tables
-from explore_bench.report.replays import choose_trials, packed
+from explore_bench.report.player import player_data, player_legend
 from explore_bench.report.style import entry_of
-from explore_bench.report.tables import Scope, Table, number_text, shown_name
+from explore_bench.report.tables import Table, shown_name
 from explore_bench.report.vector import inline, width_of
 
 POINT = 96 / 72
 """CSS pixels in a point."""
-
-COLORS = {
-    "unknown": scene.UNKNOWN,
-    "free": scene.FREE,
-    "occupied": scene.OCCUPIED,
-    "truth": scene.TRUE,
-    "estimate": scene.ESTIMATE,
-    "ellipse": scene.ELLIPSE,
-    "landmark": scene.LANDMARK,
-    "candidate": scene.CANDIDATE,
-    "chosen": scene.CHOSEN,
-    "range": scene.RANGE,
-}
-"""Of the player: those of the figures."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +77,13 @@ def render_page(content: Content) -> str:
     numbers = {name: i for i, name in enumerate(names)}
     environment = _environment()
     environment.globals |= {
-        "scope_of": lambda scopes, i: _row_scope(scopes[i], numbers) if scopes else "",
-        "size_of": lambda columns, i: _size(columns[i]) if columns else "",
+        "scope_of": lambda scopes, i: row_scope(scopes[i], numbers) if scopes else "",
+        "dot_of": dot,
+        "groups_of": header_groups,
+        "nested": lambda groups: any(group.names for group in groups),
+        "attributes_of": column_attributes,
     }
-    replays = _replays(content, names)
+    replays = player_data(content.store, content.records, content.trials, names)
     return environment.get_template("page.html.j2").render(
         css=Markup(_text("page.css")),
         script=Markup(_text("player.js")),
@@ -109,7 +97,7 @@ def render_page(content: Content) -> str:
         seeded=any(record.spec.training_seed is not None for record in content.records),
         replays=replays,
         replays_json=Markup(script_json(replays)),
-        legend=_legend(),
+        legend=player_legend(),
         figures=[_figure(file) for file in sorted(content.figures)],
         endings=endings_table(content.records),
         trials=len(content.records),
@@ -161,83 +149,8 @@ def _counted(count: int, one: str, many: str) -> str:
     return f"{count:,} {one if count == 1 else many}"
 
 
-def _row_scope(scope: Scope, numbers: dict[str, int]) -> Markup:
-    """Attributes that say which strategies and size a row speaks of; one without trials has the row shown always."""
-    own = [str(numbers[name]) for name in scope.strategies if name in numbers]
-    return Markup(' data-s="{}"{}').format(" ".join(own), _size(scope)) if own else Markup("")
-
-
-def _size(scope: Scope) -> Markup:
-    return Markup("") if scope.size is None else Markup(' data-z="{}"').format(f"{scope.size:g}")
-
-
 def _figure(file: Path) -> dict[str, Any]:
     svg = file.read_text(encoding="utf-8")
     words = caption(file.stem)
     drawing = Markup(inline(svg, file.stem, words))
     return {"name": file.stem, "caption": words, "width": round(POINT * width_of(svg)), "svg": drawing}
-
-
-def _replays(content: Content, names: Sequence[str]) -> dict[str, Any]:
-    """What the player reads: strategies, and trials with their replays packed."""
-    numbers = {name: i for i, name in enumerate(names)}
-    values = content.trials.set_index(["strategy", "size", "trial", "training_seed"])
-    trials = []
-    for choice in choose_trials(content.records):
-        spec, data = choice.record.spec, packed(content.store, choice.record)
-        if not data:
-            continue
-        seed = pd.NA if spec.training_seed is None else spec.training_seed
-        row = values.loc[(spec.strategy, spec.scenario.size, spec.trial, seed)]
-        e, eta = float(row["trajectory_error"]), float(row["exploration_efficiency"])
-        trials.append(
-            {
-                "strategy": numbers[spec.strategy],
-                "size": spec.scenario.size,
-                "world": spec.trial,
-                "roles": choice.roles,
-                "status": choice.record.status.replace("_", " "),
-                "T": score(choice.record).time,
-                "e": number_text(e, e),
-                "eta": number_text(eta, eta),
-                "data": data,
-            }
-        )
-    shown = [{"label": shown_name(name), "color": entry_of(name).color} for name in names]
-    coverage = content.records[0].spec.scenario.coverage
-    return {"strategies": shown, "trials": trials, "colors": COLORS, "coverage": coverage}
-
-
-def _legend() -> list[dict[str, Any]]:
-    """Marks of the player's map, with words."""
-    c = COLORS
-
-    def box(color: str, more: str = "") -> str:
-        return f'<rect x="5" y="1" width="14" height="12" fill="{color}" {more}/>'
-
-    def line(color: str) -> str:
-        return f'<path d="M2 7H22" stroke="{color}" stroke-width="2"/>'
-
-    def cross(color: str) -> str:
-        return f'<path d="M6 7H18M12 1V13" stroke="{color}" stroke-width="2.4"/>'
-
-    def disc(color: str, radius: int) -> str:
-        return f'<circle cx="12" cy="7" r="{radius}" fill="{color}"/>'
-
-    ring = f'<ellipse cx="12" cy="7" rx="8" ry="5" fill="none" stroke="{c["ellipse"]}"/>'
-    dashed = f'stroke="{c["truth"]}" stroke-dasharray="3 2"'
-    marks = {
-        "unknown": box(c["unknown"]),
-        "free": box(c["free"], 'stroke="#ccc"'),
-        "believed obstacle": box(c["occupied"]),
-        "true obstacle": box("none", dashed),
-        "in the sensor’s range": disc(c["range"], 6),
-        "how unsure a landmark in the cell would be (1 σ)": ring,
-        "way as believed, 1-σ ellipses": line(c["estimate"]),
-        "true way": line(c["truth"]),
-        "landmark as believed": cross(c["landmark"]),
-        "true landmark": cross(c["truth"]),
-        "candidate": disc(c["candidate"], 4),
-        "chosen": disc(c["chosen"], 6),
-    }
-    return [{"mark": Markup(mark), "words": words} for words, mark in marks.items()]

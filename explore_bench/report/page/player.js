@@ -13,20 +13,13 @@
     return new Set([...filter.querySelectorAll(`input[name=${name}]:checked`)].map((box) => box.value));
   }
 
-  function hideColumns(table, sizes) {
-    const heads = [...table.querySelectorAll("thead th")];
-    if (!heads.some((head) => head.dataset.z)) return;
-    const gone = heads.map((head) => Boolean(head.dataset.z) && !sizes.has(head.dataset.z));
-    for (const row of table.rows) [...row.cells].forEach((cell, i) => { cell.hidden = gone[i]; });
-  }
-
   function applyFilter() {
     const strategies = ticked("strategy"), sizes = ticked("size");
     for (const row of rows) {
       const own = row.dataset.s.split(" ").every((one) => strategies.has(one));
       row.hidden = !own || (Boolean(row.dataset.z) && !sizes.has(row.dataset.z));
     }
-    document.querySelectorAll("#tables table").forEach((table) => hideColumns(table, sizes));
+    document.querySelectorAll("#tables :is(th, td)[data-z]").forEach((cell) => { cell.hidden = !sizes.has(cell.dataset.z); });
     const left = inTables.filter((row) => !row.hidden).length;
     $("shown").textContent = left === inTables.length ? "" : `${left} of ${inTables.length} rows are shown.`;
   }
@@ -250,7 +243,7 @@
   function drawCurve(canvas, shown, step, last) {
     const name = canvas.dataset.curve;
     const [g, width, height] = fit(canvas);
-    const left = 34, right = 44, above = 8, below = 20, top = topOf(name, shown, last);
+    const left = 40, right = 46, above = 9, below = 20, top = topOf(name, shown, last);
     const px = (at) => left + at / Math.max(last, 1) * (width - left - right);
     const py = (value) => height - below - value / top * (height - above - below);
     g.font = "11px system-ui, sans-serif";
@@ -315,7 +308,7 @@
 
   const pick = { size: $("pick-size"), a: $("pick-a"), b: $("pick-b"), world: $("pick-world") };
   const stages = [...document.querySelectorAll(".stage")], curves = [...document.querySelectorAll(".curve")];
-  const words = { example: "the common example", best: "best η", median: "median η", worst: "worst η" };
+  const words = { example: "common example", best: "best η", median: "median η", worst: "worst η" };
   const state = { shown: [], step: 0, last: 0, playing: false, request: 0, clock: 0 };
   const unique = (values) => [...new Set(values)];
   const find = (strategy, size, world) => trials.find((one) => one.strategy === strategy && one.size === size && one.world === world);
@@ -341,7 +334,7 @@
     const worlds = trials.filter((one) => one.strategy === a && one.size === size && (b === null || find(b, size, one.world)));
     fill(pick.world, worlds.map((one) => {
       const parts = [one.roles.includes("example") ? words.example : "", roles(one, b === null), b === null ? "" : roles(find(b, size, one.world), false)];
-      return [one.world, `world ${one.world}: ${parts.filter(Boolean).join("; ")}`];
+      return [one.world, `World ${one.world} – ${parts.filter(Boolean).join(b === null ? ", " : "; ")}`];
     }), pick.world.value);
   }
 
@@ -369,6 +362,7 @@
       dot.style.setProperty("--c", state.shown[i].strategy.color);
       stage.querySelector("h3").replaceChildren(dot, state.shown[i].strategy.label);
     });
+    document.querySelector(".view").classList.toggle("alone", state.shown.length === 1);
     $("step").max = state.last;
     show(0);
   }
@@ -405,7 +399,7 @@
 
   function pause() {
     state.playing = false;
-    $("play").textContent = "▶\uFE0E";
+    $("play").classList.remove("running");
     $("play").setAttribute("aria-label", "Play");
   }
 
@@ -413,7 +407,7 @@
     if (state.playing || !state.shown.length) { pause(); return; }
     if (state.step >= state.last) show(0);
     state.playing = true;
-    $("play").textContent = "⏸\uFE0E";
+    $("play").classList.add("running");
     $("play").setAttribute("aria-label", "Pause");
     let before = performance.now(), owed = 0;
     const run = ++state.clock;
