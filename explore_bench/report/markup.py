@@ -18,9 +18,11 @@ LONG_TEXT = 40
 
 
 def row_scope(scope: Scope, numbers: dict[str, int]) -> Markup:
-    """Attributes that say which strategies and size a row speaks of; one without trials has the row shown always."""
-    own = [str(numbers[name]) for name in scope.strategies if name in numbers]
-    return Markup(' data-s="{}"{}').format(" ".join(own), size_attribute(scope)) if own else NOTHING
+    """Attributes that say which strategies, by number ("none" for one that never ran), and size a row speaks of."""
+    if not scope.strategies:
+        return size_attribute(scope)
+    own = " ".join(str(numbers.get(name, "none")) for name in scope.strategies)
+    return Markup(' data-s="{}"{}').format(own, size_attribute(scope))
 
 
 @dataclass(frozen=True)

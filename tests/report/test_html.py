@@ -236,7 +236,8 @@ def test_hostile_labels_stay_text(content, monkeypatch):
     )
     page = Page(text)
     assert page.elements.count("script") == 2
-    assert "alert" not in re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL).replace("&lt;script&gt;alert", "")
+    outside = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+    assert outside.count("alert(") == outside.count("&lt;script&gt;alert(") > 0
     assert data_of(text)["strategies"][0]["label"] == HOSTILE
     assert any(row[0] == HOSTILE for row in page.tables[content.tables[0].title])
 
@@ -272,7 +273,7 @@ def test_one_trial_alone_makes_a_page_that_says_there_are_no_intervals(bare):
 def test_what_was_not_run_or_not_trained_is_said(untrained):
     untrained("gcn-obs")
     found = gaps(trial_table([record(uncertainty=[200.0, 50.0])]))
-    assert any(line.startswith("Not run: ") and "Random" in line and "GCN-obs," not in line for line in found)
+    assert any(line.startswith("Not run: ") and "Random" in line for line in found)
     assert "Not trained, hence not run: GCN-obs" in " ".join(found)
 
 

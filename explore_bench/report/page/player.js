@@ -9,17 +9,17 @@
   const rows = [...document.querySelectorAll("#tables tr[data-s], #endings tr[data-s]")];
   const inTables = rows.filter((row) => row.closest("#tables"));
 
-  function ticked(name) {
-    return new Set([...filter.querySelectorAll(`input[name=${name}]:checked`)].map((box) => box.value));
+  function unticked(name) {
+    return new Set([...filter.querySelectorAll(`input[name=${name}]:not(:checked)`)].map((box) => box.value));
   }
 
   function applyFilter() {
-    const strategies = ticked("strategy"), sizes = ticked("size");
+    const strategies = unticked("strategy"), sizes = unticked("size");
+    if (strategies.size) strategies.add("none"); // rows of what was never run are of no use to who looks for some
     for (const row of rows) {
-      const own = row.dataset.s.split(" ").every((one) => strategies.has(one));
-      row.hidden = !own || (Boolean(row.dataset.z) && !sizes.has(row.dataset.z));
+      row.hidden = row.dataset.s.split(" ").some((one) => strategies.has(one)) || sizes.has(row.dataset.z);
     }
-    document.querySelectorAll("#tables :is(th, td)[data-z]").forEach((cell) => { cell.hidden = !sizes.has(cell.dataset.z); });
+    document.querySelectorAll("#tables :is(th, td)[data-z]").forEach((cell) => { cell.hidden = sizes.has(cell.dataset.z); });
     const left = inTables.filter((row) => !row.hidden).length;
     $("shown").textContent = left === inTables.length ? "" : `${left} of ${inTables.length} rows are shown.`;
   }
