@@ -17,7 +17,15 @@ from matplotlib.figure import Figure
 
 from explore_bench.metrics import METRICS
 from explore_bench.report.style import entry_of, save_all, styled
-from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, label_of
+from explore_bench.report.tables import (
+    PAPER_METRICS,
+    Scope,
+    Table,
+    groups_of,
+    heading,
+    interval_text,
+    shown_name,
+)
 from explore_bench.results import by_world
 from explore_bench.statistics import Survival, interquartile_mean_interval, survival, win_tie_loss
 
@@ -26,13 +34,18 @@ COMPARED = "table2"
 """Table whose strategies the figures show: ablations would bury them."""
 
 
-def write_aggregates(trials: pd.DataFrame, tables: Path, figures: Path) -> list[Path]:
-    """Write the tables `robust` and `wins` and a figure of survival curves a size; returns the files."""
-    written = robust_table(trials).write(tables, "robust") + wins_table(trials).write(tables, "wins")
+def aggregate_tables(trials: pd.DataFrame) -> dict[str, Table]:
+    """Tables by the names of their files."""
+    return {"robust": robust_table(trials), "wins": wins_table(trials)}
+
+
+def write_survival_figures(trials: pd.DataFrame, folder: Path) -> list[Path]:
+    """Write a figure of survival curves a size; returns the files."""
+    written: list[Path] = []
     with styled():
         for size in sorted(set(trials["size"])):
             shown = any(s == size and COMPARED in entry_of(name).tables for (name, s), _ in groups_of(trials))
-            written += save_all(survival_figure(trials, size) if shown else None, figures / f"times-{size:g}m")
+            written += save_all(survival_figure(trials, size) if shown else None, folder / f"times-{size:g}m")
     return written
 
 
@@ -42,7 +55,7 @@ def robust_table(trials: pd.DataFrame) -> Table:
     header += [f"{METRICS[name].symbol}, median [step]" for name in COVERAGES] + ["never 90 %"]
     rows = []
     for (strategy, size), cell in groups_of(trials):
-        row = [label_of(strategy), f"{size:g}", str(cell["trial"].nunique())]
+        row = [shown_name(strategy), f"{size:g}", str(cell["trial"].nunique())]
         for name in PAPER_METRICS:
             values = np.array(list(by_world(cell, name).values()))
             row.append(interval_text(interquartile_mean_interval(values)) if np.isfinite(values).all() else "–")
@@ -55,7 +68,8 @@ def robust_table(trials: pd.DataFrame) -> Table:
         "world first. Medians of the time to a share of the map are Kaplan–Meier estimates over trials: one that ended "
         "before is censored there, not left out."
     )
-    return Table("Interquartile means and times to coverage", tuple(header), tuple(rows), note)
+    scopes = tuple(Scope((strategy,), size) for (strategy, size), _ in groups_of(trials))
+    return Table("Interquartile means and times to coverage", tuple(header), tuple(rows), note, scopes)
 
 
 def coverage_survival(cell: pd.DataFrame, name: str) -> Survival:
@@ -73,14 +87,15 @@ def _reached(cell: pd.DataFrame, name: str) -> np.ndarray:
 def wins_table(trials: pd.DataFrame) -> Table:
     """Worlds won, tied and lost by the first of every two strategies, in e and η; references compete with nobody."""
     header = ("size [m]", "A", "B", *(f"{METRICS[name].symbol}: A wins/ties/loses" for name in PAPER_METRICS))
-    rows = []
+    rows, scopes = [], []
     for size in sorted(set(trials["size"])):
         own = {name: cell for (name, s), cell in groups_of(trials) if s == size and not entry_of(name).reference}
         for a, b in itertools.combinations(own, 2):
             counts = [_wins(by_world(own[a], name), by_world(own[b], name), name) for name in PAPER_METRICS]
             rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, *counts))
+            scopes.append(Scope((a, b), size))
     note = "Counts of worlds that both tried, training seeds averaged within a world first; less e and more η win."
-    return Table("Wins, ties and losses by world", header, tuple(rows), note)
+    return Table("Wins, ties and losses by world", header, tuple(rows), note, tuple(scopes))
 
 
 def _wins(a: dict[int, float], b: dict[int, float], metric: str) -> str:
@@ -99,7 +114,7 @@ def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
             last = float(np.where(_reached(cell, metric), cell[metric], cell["steps"]).max())
             times, shares = _stairs(curve.times, curve.shares, last)
             style = "--" if entry.reference else "-"
-            axes.step(times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=label_of(name))
+            axes.step(times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=shown_name(name))
         axes.set(xlabel="step", title=f"trials below {coverage:.0%} of the map", ylim=(0, 1.02))
         axes.set_xscale("log")
     grid[0].set_ylabel("share of trials")

@@ -4,38 +4,37 @@ from __future__ import annotations
 
 import itertools
 import math
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from explore_bench.metrics import METRICS
 from explore_bench.report.style import entry_of
-from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Table, heading, interval_text, label_of
+from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
 from explore_bench.results import by_world
 from explore_bench.scenario import PAPER, Scenario
 from explore_bench.statistics import Estimate, kendall_tau
 
 
-def write_agreement(trials: pd.DataFrame, summary: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write the tables `agreement`, `order` and `constants`; returns the files."""
-    tables = {"agreement": agreement_table(summary), "order": order_table(trials), "constants": constants_table()}
-    return [file for name, table in tables.items() for file in table.write(folder, name)]
+def agreement_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:
+    """Tables by the names of their files."""
+    return {"agreement": agreement_table(summary), "order": order_table(trials), "constants": constants_table()}
 
 
 def agreement_table(summary: pd.DataFrame) -> Table:
     """Every number that the paper prints, ours with its interval, and the ratio of the two."""
     header = ("table", "Method", "size [m]", "metric", "paper", "ours", "ours / paper", "n")
-    rows = []
+    rows, scopes = [], []
     for line in summary[summary["paper"].notna()].itertuples():
         measured = line.n > 0
         estimate = Estimate(line.mean, line.ci_low, line.ci_high, line.n)
         ratio = Estimate(line.mean / line.paper, line.ci_low / line.paper, line.ci_high / line.paper, line.n)
+        scopes.append(Scope((str(line.strategy),), float(line.size)))
         absent = "not run" if entry_of(str(line.strategy)).ready else "not trained"
         rows.append(
             (
                 str(line.table).replace("table", "Table "),
-                label_of(str(line.strategy)),
+                shown_name(str(line.strategy)),
                 f"{line.size:g}",
                 heading(METRICS[str(line.metric)]),
                 f"{line.paper:.4f}",
@@ -45,7 +44,7 @@ def agreement_table(summary: pd.DataFrame) -> Table:
             )
         )
     note = "The interval is that of our mean over worlds; the paper prints none."
-    return Table("Paper against measured", header, tuple(rows), note)
+    return Table("Paper against measured", header, tuple(rows), note, tuple(scopes))
 
 
 def order_table(trials: pd.DataFrame) -> Table:

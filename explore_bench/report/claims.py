@@ -9,8 +9,9 @@ from pathlib import Path
 import pandas as pd
 
 from explore_bench.claims import LEVEL, SEEDS, Claim, Finding, as_values, claims, examine, metric_of, verdict
+from explore_bench.report.html import Section
 from explore_bench.report.style import entry_of
-from explore_bench.report.tables import Table, interval_text, number_text
+from explore_bench.report.tables import Scope, Table, interval_text, number_text
 
 HEADER = (
     *("claimed better", "than", "metric", "size [m]", "n", "means", "difference", "relative [%]"),
@@ -37,7 +38,7 @@ def examined(trials: pd.DataFrame) -> dict[Claim, list[Finding]]:
 
 
 def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
-    """Write claims.md, claims.json and the table `claims`; returns the files."""
+    """Write claims.md and claims.json; returns the files."""
     page = [f"# Do the claims hold?\n\n{INTRODUCTION}\n", overview(found).markdown()]
     for claim, findings in found.items():
         page.append(f"## Claim ({claim.name}): {verdict(findings)}\n\n{claim.statement} {summary(findings)}\n")
@@ -47,7 +48,13 @@ def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
     files = {"claims.md": "\n".join(page), "claims.json": json.dumps(values, indent=1, ensure_ascii=False) + "\n"}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in files] + overview(found).write(folder / "tables", "claims")
+    return [folder / name for name in files]
+
+
+def claims_section(found: dict[Claim, list[Finding]]) -> Section:
+    """Return the claims as a part of the page."""
+    tables = [comparison_table(claim, findings) for claim, findings in found.items()]
+    return Section("Do the paper's claims hold?", (INTRODUCTION,), (overview(found), *tables))
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:
@@ -65,7 +72,9 @@ def summary(findings: list[Finding]) -> str:
 
 def comparison_table(claim: Claim, findings: list[Finding]) -> Table:
     """Every comparison of a claim with its numbers."""
-    return Table(f"Comparisons of claim ({claim.name})", HEADER, tuple(map(_row, findings)), NOTE)
+    asked = [finding.comparison for finding in findings]
+    scopes = tuple(Scope((own.better, own.worse), own.size) for own in asked)
+    return Table(f"Claim ({claim.name}): {claim.statement}", HEADER, tuple(map(_row, findings)), NOTE, scopes)
 
 
 def _row(finding: Finding) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from explore_bench.records import Store, TrialRecord
 from explore_bench.registry import strategies
 from explore_bench.report.scene import draw_scene, scene_legend
 from explore_bench.report.style import entry_of, save_all, styled
-from explore_bench.report.tables import label_of
+from explore_bench.report.tables import shown_name
 from explore_bench.seeding import stream
 from explore_bench.statistics import CONFIDENCE
 
@@ -94,7 +94,7 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
     for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
         replay = store.replay(record.spec)
         draw_scene(axes, record, replay, max(len(replay.steps) - 2, 0))
-        axes.set_title(f"{label_of(name)}: {record.status} after {record.steps['step'][-1]} steps")
+        axes.set_title(f"{shown_name(name)}: {record.status} after {record.steps['step'][-1]} steps")
     for axes in grid.flat[len(shown) :]:
         axes.set_axis_off()
     figure.legend(handles=scene_legend(), loc="outside lower center", ncols=min(4, 2 * columns), fontsize=8)
@@ -110,7 +110,7 @@ def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
             figure, axes = plt.subplots(figsize=(6.6, 4.6))
             replay = store.replay(spec)
             draw_scene(axes, record, replay, len(replay.steps) // 2)
-            axes.set_title(f"{label_of(spec.strategy)}, step {replay.steps[len(replay.steps) // 2]}")
+            axes.set_title(f"{shown_name(spec.strategy)}, step {replay.steps[len(replay.steps) // 2]}")
             figure.legend(handles=scene_legend(), loc="outside right center", fontsize=8)
             return figure
     return None
@@ -174,6 +174,6 @@ def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root:
     weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES) / count
     low, high = np.quantile(weights @ values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     style = "--" if entry.reference else "-"
-    axes.plot(step, values.mean(axis=0), color=entry.color, linestyle=style, linewidth=1.3, label=label_of(strategy))
+    axes.plot(step, values.mean(axis=0), color=entry.color, linestyle=style, linewidth=1.3, label=shown_name(strategy))
     if count > 1:
         axes.fill_between(step, low, high, color=entry.color, alpha=0.18, linewidth=0)

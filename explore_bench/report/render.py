@@ -9,12 +9,13 @@ import pandas as pd
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.records import Store, TrialRecord
-from explore_bench.report.aggregates import write_aggregates
-from explore_bench.report.agreement import write_agreement
-from explore_bench.report.claims import examined, write_claims
+from explore_bench.report.aggregates import aggregate_tables, write_survival_figures
+from explore_bench.report.agreement import agreement_tables
+from explore_bench.report.claims import claims_section, examined, overview, write_claims
 from explore_bench.report.figures import write_figures
+from explore_bench.report.html import Content, write_page
 from explore_bench.report.sensitivity import write_sensitivity
-from explore_bench.report.tables import write_tables
+from explore_bench.report.tables import report_tables, write_tables
 from explore_bench.report.training import write_training_figures
 from explore_bench.results import summary_table, trial_table
 
@@ -29,7 +30,10 @@ class Report:
 
 
 def write_report(folder: Path) -> Report:
-    """Write trials.csv, summary.csv, tables and figures of a results folder from its records.
+    """Write everything that follows from the records of a results folder.
+
+    A folder of one set of physical constants gets trials.csv, summary.csv, tables, figures, claims and the page; one
+    of several gets trials.csv and how the strategies degrade.
 
     Raises
     ------
@@ -52,14 +56,16 @@ def write_report(folder: Path) -> Report:
 
 def _write_all(store: Store, records: list[TrialRecord], trials: pd.DataFrame, folder: Path) -> list[Path]:
     """Write everything but trials.csv of a folder with one set of physical constants."""
-    summary = summary_table(trials)
-    files = [_write_csv(summary, folder / "summary.csv")]
-    files += write_tables(trials, summary, folder / "tables")
-    files += write_agreement(trials, summary, folder / "tables")
-    files += write_aggregates(trials, folder / "tables", folder / "figures")
-    files += write_claims(examined(trials), folder)
+    summary, found = summary_table(trials), examined(trials)
+    files = [_write_csv(summary, folder / "summary.csv"), *write_claims(found, folder)]
+    tables = report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
+    files += write_tables({"claims": overview(found)} | tables, folder / "tables")
     files += write_figures(store, records, folder / "figures")
-    return files + write_training_figures(folder / "figures")
+    files += write_survival_figures(trials, folder / "figures")
+    files += write_training_figures(folder / "figures")
+    drawn = [file for file in files if file.suffix == ".svg"]
+    page = Content(store, records, trials, tuple(tables.values()), drawn, (claims_section(found),))
+    return [*files, write_page(page, folder / "report.html")]
 
 
 def _write_csv(table: pd.DataFrame, path: Path) -> Path:

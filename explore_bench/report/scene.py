@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
-from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle, Patch, PathPatch
+from matplotlib.path import Path
 
 from explore_bench.geometry import centres
 from explore_bench.records import Replay, TrialRecord
@@ -34,12 +34,10 @@ def draw_scene(axes: Axes, record: TrialRecord, replay: Replay, index: int) -> N
     steps = {name: values[: row + 1] for name, values in record.steps.items()}
     belief = unpack_map(replay.maps[index], n)
     shade = np.where(np.isnan(belief), 0, np.where(belief > 0.5, 2, 1))
-    axes.imshow(
-        shade, origin="lower", extent=(0, size, 0, size), cmap=ListedColormap([UNKNOWN, FREE, OCCUPIED]), vmin=0, vmax=2
-    )
-    for obstacle in np.flatnonzero(record.world.obstacles):
-        x, y = obstacle % n * cell, obstacle // n * cell
-        axes.plot(*zip(*_square(x, y, cell), strict=True), color=TRUE, linewidth=0.6, alpha=0.7)
+    for kind, color in enumerate((UNKNOWN, FREE, OCCUPIED)):
+        axes.add_patch(PathPatch(_squares(shade == kind, cell), facecolor=color, edgecolor="none", zorder=0))
+    outlines = _squares(record.world.obstacles, cell)
+    axes.add_patch(PathPatch(outlines, fill=False, edgecolor=TRUE, linewidth=0.6, alpha=0.7, zorder=2))
     _ellipses(axes, replay, index, record)
     axes.plot(steps["true_x"], steps["true_y"], color=TRUE, linewidth=0.9)
     axes.plot(steps["x"], steps["y"], color=ESTIMATE, linewidth=1.1)
@@ -77,8 +75,13 @@ def scene_legend() -> list[Line2D | Patch]:
     ]
 
 
-def _square(x: float, y: float, side: float) -> list[tuple[float, float]]:
-    return [(x, y), (x + side, y), (x + side, y + side), (x, y + side), (x, y)]
+def _squares(cells: np.ndarray, side: float) -> Path:
+    """Outlines [m] of the cells of a grid that are set, shape (n, n), as one path: no seam shows between two."""
+    rows, columns = np.nonzero(cells)
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
+    points = (np.stack((columns, rows), axis=-1)[:, None] + corners) * side
+    codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
+    return Path(points.reshape(-1, 2), np.tile(np.array(codes, dtype=np.uint8), len(rows)))
 
 
 def _ellipses(axes: Axes, replay: Replay, index: int, record: TrialRecord) -> None:
@@ -86,35 +89,34 @@ def _ellipses(axes: Axes, replay: Replay, index: int, record: TrialRecord) -> No
     values = unpack_ellipses(replay.ellipses[index], scenario.cells, scenario.virtual_sigma).reshape(-1, 3)
     seen = np.flatnonzero(values[:, 1] < 0.995 * scenario.virtual_sigma)
     scale = scenario.cell_size / 2 / scenario.virtual_sigma  # the prior fills its cell
-    axes.add_collection(
-        EllipseCollection(
-            2 * scale * values[seen, 0],
-            2 * scale * values[seen, 1],
-            np.degrees(values[seen, 2]),
-            units="xy",
-            offsets=centres(seen, scenario.cells, scenario.cell_size),
-            transOffset=axes.transData,
-            facecolors="none",
-            edgecolors=ELLIPSE,
-            linewidths=0.6,
-        )
-    )
+    offsets = centres(seen, scenario.cells, scenario.cell_size)
+    _draw_ellipses(axes, offsets, scale * values[seen, :2], values[seen, 2], ELLIPSE, 0.6)
 
 
 def _pose_ellipses(axes: Axes, steps: dict[str, np.ndarray]) -> None:
     rows = np.unique(np.linspace(0, len(steps["x"]) - 1, POSE_ELLIPSES).astype(int))
     blocks = np.array([[steps["cov_xx"][rows], steps["cov_xy"][rows]], [steps["cov_xy"][rows], steps["cov_yy"][rows]]])
     values, vectors = np.linalg.eigh(np.moveaxis(blocks, -1, 0))
-    axes.add_collection(
-        EllipseCollection(
-            2 * np.sqrt(values[:, 1]),
-            2 * np.sqrt(values[:, 0]),
-            np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])),
-            units="xy",
-            offsets=np.stack((steps["x"][rows], steps["y"][rows]), axis=1),
-            transOffset=axes.transData,
-            facecolors="none",
-            edgecolors=ESTIMATE,
-            linewidths=0.8,
-        )
+    offsets = np.stack((steps["x"][rows], steps["y"][rows]), axis=1)
+    angles = np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])
+    _draw_ellipses(axes, offsets, np.sqrt(values[:, ::-1]), angles, ESTIMATE, 0.8)
+
+
+def _draw_ellipses(
+    axes: Axes, offsets: np.ndarray, half_axes: np.ndarray, angles: np.ndarray, color: str, width: float
+) -> None:
+    """Draw ellipses at offsets [m], shape (K, 2), with half axes [m], shape (K, 2), and angles [rad], shape (K,)."""
+    widths, heights = 2 * half_axes.T
+    ellipses = EllipseCollection(
+        widths,
+        heights,
+        np.degrees(angles),
+        units="xy",
+        offsets=offsets,
+        transOffset=axes.transData,
+        facecolors="none",
+        edgecolors=color,
+        linewidths=width,
     )
+    ellipses.set_paths([Path.arc(0, 360, 4)])  # half the curves, off by 0.03 % of the radius
+    axes.add_collection(ellipses)

@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from explore_bench.metrics import METRICS
 from explore_bench.report.aggregates import COMPARED
 from explore_bench.report.style import entry_of, save_all, styled
-from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, label_of
+from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, shown_name
 from explore_bench.results import by_world
 from explore_bench.scenario import PAPER
 from explore_bench.statistics import mean_interval, ratio_interval
@@ -43,7 +43,7 @@ def sensitivity_table(trials: pd.DataFrame) -> Table:
     rows = []
     for (strategy, size), cell in groups_of(trials):
         own = {str(name): part for name, part in cell.groupby("scenario")}
-        place = label_of(strategy), f"{size:g}"
+        place = shown_name(strategy), f"{size:g}"
         for metric in PAPER_METRICS:
             values = {name: by_world(own[name], metric) for name in own}
             rows.append((*place, heading(METRICS[metric]), *_row(values, changed)))
@@ -104,7 +104,7 @@ def sensitivity_figure(trials: pd.DataFrame) -> Figure | None:
                 style = "--" if entry_of(name).reference else "-"
                 x, y = zip(*points, strict=True) if points else ((), ())
                 grid[row, column].plot(
-                    x, y, style, color=entry_of(name).color, marker="o", ms=3, lw=1.2, label=label_of(name)
+                    x, y, style, color=entry_of(name).color, marker="o", ms=3, lw=1.2, label=shown_name(name)
                 )
             grid[row, column].set_yscale("log")
         grid[-1, column].set(xlabel=constant.replace("_", " "), xticks=sorted(places.values()))

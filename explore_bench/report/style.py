@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.registry import plugin_entry, strategies
+from explore_bench.report.vector import slim
 from explore_bench.strategy import Entry
 
 SETTINGS: Any = {
@@ -31,6 +33,7 @@ SETTINGS: Any = {
     "savefig.dpi": 150,
     "svg.fonttype": "path",
     "svg.hashsalt": "explore-bench",
+    "text.parse_math": False,  # a label may hold dollar signs
 }
 
 
@@ -74,4 +77,9 @@ def save(figure: Figure, path: Path) -> None:
         raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in .png, .svg or .gif.")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else {"Software": None})
+        if path.suffix == ".png":
+            figure.savefig(path, metadata={"Software": None})
+        else:
+            text = io.StringIO()
+            figure.savefig(text, format="svg", metadata={"Date": None})
+            path.write_text(slim(text.getvalue()), encoding="utf-8")

@@ -6,7 +6,7 @@ import csv
 import io
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,6 +51,14 @@ _LATEX |= {"−": r"$-$", "≥": r"$\geq$", "×": r"$\times$", "–": "--"}
 
 
 @dataclass(frozen=True)
+class Scope:
+    """What a row or a column speaks of, for a reader who filters: strategies by name, a size [m] or all sizes."""
+
+    strategies: tuple[str, ...] = ()
+    size: float | None = None
+
+
+@dataclass(frozen=True)
 class Table:
     """A table of text.
 
@@ -59,12 +67,15 @@ class Table:
     title, note : above and below it.
     header : names of the columns.
     rows : cells, as many in each row as in the header.
+    scopes, columns : what each row and each column speaks of; empty where the table is not to be filtered so.
     """
 
     title: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+    scopes: tuple[Scope, ...] = ()
+    columns: tuple[Scope, ...] = ()
 
     def markdown(self) -> str:
         """Return the table as GitHub Markdown."""
@@ -100,14 +111,15 @@ def escape(text: str) -> str:
     return "".join(_LATEX.get(character, character) for character in text)
 
 
-def write_tables(trials: pd.DataFrame, summary: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write the paper's tables, the details of every strategy and the paired differences."""
-    written: list[Path] = []
-    for name, title in PAPER_TABLES.items():
-        written += paper_table(name, title, summary).write(folder, name)
-    written += details_table(trials, summary).write(folder, "details")
-    written += paired_table(trials).write(folder, "paired")
-    return written
+def report_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:
+    """Tables by the names of their files: the paper's, the details of every strategy and the paired differences."""
+    made = {name: paper_table(name, title, summary) for name, title in PAPER_TABLES.items()}
+    return made | {"details": details_table(trials, summary), "paired": paired_table(trials)}
+
+
+def write_tables(tables: Mapping[str, Table], folder: Path) -> list[Path]:
+    """Write tables by the names of their files; returns the files."""
+    return [file for name, table in tables.items() for file in table.write(folder, name)]
 
 
 def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
@@ -131,14 +143,16 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
         worlds = [_value(lines, PAPER_METRICS[0], size, "n") for size in sizes]
         unfinished = [_value(lines, PAPER_METRICS[0], size, "failed") for size in sizes]
         seeds = [_value(lines, PAPER_METRICS[0], size, "seeds") for size in sizes]
-        row = [label_of(strategy), _slashes(worlds), _slashes(seeds) if any(seeds) else "–"]
+        row = [shown_name(strategy), _slashes(worlds), _slashes(seeds) if any(seeds) else "–"]
         row.append(_slashes(unfinished) if any(worlds) else "–")
         for metric, size in columns:
             paper = _value(lines, metric, size, "paper")
             row.append(f"{paper:.4f}" if paper and not math.isnan(paper) else "–")
             row.append(_measured(lines, metric, size) or absent)
         rows.append(tuple(row))
-    return Table(title, tuple(header), tuple(rows), NOTE)
+    scopes = tuple(Scope((strategy,)) for strategy in names)
+    of_columns = [Scope()] * 4 + [Scope(size=size) for _, size in columns for _ in ("paper", "ours")]
+    return Table(title, tuple(header), tuple(rows), NOTE, scopes, tuple(of_columns))
 
 
 def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
@@ -151,18 +165,19 @@ def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
     for (strategy, size), cell in groups_of(trials):
         lines = unique[unique["strategy"] == strategy].set_index(["metric", "size"])
         counts = cell["status"].value_counts()
-        row = [label_of(strategy), f"{size:g}", str(len(cell))]
+        row = [shown_name(strategy), f"{size:g}", str(len(cell))]
         row += [str(counts.get(status, 0)) for status in STATUSES]
         row.append(f"{100 * counts.get('stuck', 0) / len(cell):.1f}")
         row += [_measured(lines, name, size) or "–" for name in DETAIL_METRICS]
         rows.append(tuple(row))
-    return Table("Endings and further metrics of every strategy and size", tuple(header), tuple(rows), NOTE)
+    scopes = tuple(Scope((strategy,), size) for (strategy, size), _ in groups_of(trials))
+    return Table("Endings and further metrics of every strategy and size", tuple(header), tuple(rows), NOTE, scopes)
 
 
 def paired_table(trials: pd.DataFrame) -> Table:
     """Differences between every two strategies, paired by world; references are compared with nobody."""
     header = ["size [m]", "A", "B", "n", *(f"{heading(METRICS[name])}: A − B" for name in PAIRED_METRICS)]
-    rows = []
+    rows, scopes = [], []
     for size in sorted(set(trials["size"])):
         here = trials[trials["size"] == size]
         names = [n for (n, s), _ in groups_of(here) if not entry_of(n).reference]
@@ -171,8 +186,10 @@ def paired_table(trials: pd.DataFrame) -> Table:
             both = set(pair[0]["trial"]) & set(pair[1]["trial"])
             cells = [_paired(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
             rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both)), *cells))
+            scopes.append(Scope((a, b), size))
     note = "Mean difference over the worlds that both tried, scored as above [95 % BCa bootstrap interval]."
-    return Table("Differences between strategies, paired by world", tuple(header), tuple(rows), note)
+    title = "Differences between strategies, paired by world"
+    return Table(title, tuple(header), tuple(rows), note, tuple(scopes))
 
 
 def _paired(a: dict[int, float], b: dict[int, float]) -> str:
@@ -193,8 +210,8 @@ def heading(metric: Metric) -> str:
     return metric.symbol if metric.unit == "1" else f"{metric.symbol} [{metric.unit}]"
 
 
-def label_of(strategy: str) -> str:
-    """Label of a strategy, marked where it is a reference."""
+def shown_name(strategy: str) -> str:
+    """Label of a strategy, references marked."""
     entry = entry_of(strategy)
     return f"{entry.label} (reference)" if entry.reference else entry.label
 
@@ -219,7 +236,7 @@ def interval_text(estimate: Estimate) -> str:
 
 
 def number_text(value: float, mean: float) -> str:
-    """Return a value with as many digits as suit a mean of this size."""
+    """Value with as many digits as suit a mean of this size, as all tables show it."""
     digits = 1 if abs(mean) >= 100 else 2 if abs(mean) >= 10 else 3
     return f"{value:.{digits}f}".replace("-", "−")
 

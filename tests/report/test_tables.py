@@ -19,6 +19,7 @@ from explore_bench.report.tables import (
     escape,
     paired_table,
     paper_table,
+    report_tables,
     write_tables,
 )
 from explore_bench.results import SUMMARY_COLUMNS, summary_table, trial_table
@@ -299,7 +300,7 @@ def test_latex_is_a_complete_table_of_as_many_columns_as_the_header():
 
 def test_all_tables_of_the_benchmark_are_latex_without_a_bare_special_character(trials, tmp_path):
     """Nor any character beyond ASCII, which LaTeX might not know."""
-    files = write_tables(trials, summary_table(trials), tmp_path)
+    files = write_tables(report_tables(trials, summary_table(trials)), tmp_path)
     for file in files:
         if file.suffix == ".tex":
             text = file.read_text(encoding="utf-8")
@@ -311,7 +312,7 @@ def test_all_tables_of_the_benchmark_are_latex_without_a_bare_special_character(
 
 
 def test_writing_gives_each_table_in_three_formats(trials, tmp_path):
-    files = write_tables(trials, summary_table(trials), tmp_path / "tables")
+    files = write_tables(report_tables(trials, summary_table(trials)), tmp_path / "tables")
     assert {file.name for file in files} == {
         f"{name}{suffix}" for name in ("table2", "table3", "details", "paired") for suffix in (".md", ".csv", ".tex")
     }
@@ -319,5 +320,7 @@ def test_writing_gives_each_table_in_three_formats(trials, tmp_path):
 
 
 def test_writing_twice_gives_the_same_bytes(trials, tmp_path):
-    first = [file.read_bytes() for file in write_tables(trials, summary_table(trials), tmp_path / "a")]
-    assert first == [file.read_bytes() for file in write_tables(trials, summary_table(trials), tmp_path / "b")]
+    first = [file.read_bytes() for file in write_tables(report_tables(trials, summary_table(trials)), tmp_path / "a")]
+    assert first == [
+        file.read_bytes() for file in write_tables(report_tables(trials, summary_table(trials)), tmp_path / "b")
+    ]

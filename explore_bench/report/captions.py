@@ -1,0 +1,42 @@
+"""What each figure shows, in words."""
+
+from __future__ import annotations
+
+from explore_bench.report.figures import CURVE_FIGURES
+from explore_bench.report.training import TRAINING_FIGURES
+from explore_bench.statistics import CONFIDENCE
+
+_GROUPS = {
+    "layers": "Graph-STNN with one, two and three layers of graph convolution",
+    "table2": "the compared methods",
+    "table3": "Graph-STNN and its ablations",
+}
+
+
+def caption(name: str) -> str:
+    """Caption of a figure by the name of its file; the name itself for one that is not known."""
+    number = name.removeprefix("figure-").lstrip("0")
+    if name == "figure-06":
+        return "Figure 6. The simulated world in the middle of a trial."
+    if name.startswith("times-"):
+        return (
+            f"Times to coverage at {name.removeprefix('times-').removesuffix('m')} m: the share of trials that do not "
+            "yet know 50, 80 and 90 % of the map; one that ended before is censored there."
+        )
+    if name in TRAINING_FIGURES:
+        return (
+            f"Figure {number}. Training of {_GROUPS[TRAINING_FIGURES[name]]}: reward, η and e over simulated steps; "
+            "bands span the training seeds."
+        )
+    if name[:-1] not in CURVE_FIGURES:
+        return name
+    table, size = CURVE_FIGURES[name[:-1]]
+    if name.endswith("a"):
+        return (
+            f"Figure {number}. One trial of each of {_GROUPS[table]} on the same {size:g} m map, at its last decision: "
+            "what the robot knows, where it went and where it may go next."
+        )
+    return (
+        f"Figure {number}. Known share of the map, e and η over the steps, {_GROUPS[table]} on {size:g} m maps: mean "
+        f"over worlds with a {CONFIDENCE:.0%} bootstrap band. Below: trials still running."
+    )

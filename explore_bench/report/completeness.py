@@ -1,0 +1,61 @@
+"""What a reader must not overlook: trials that did not explore, and what was not run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from explore_bench.metrics import explored, finished
+from explore_bench.records import TrialRecord
+from explore_bench.registry import strategies
+from explore_bench.report.style import entry_of
+from explore_bench.report.tables import PAPER_TABLES, Scope, Table, shown_name
+
+
+def endings_table(records: Sequence[TrialRecord]) -> Table:
+    """Every trial that did not explore, with how it ended and why."""
+    own = [record for record in records if not finished(record)]
+    header = ("Method", "size [m]", "world", "training seed", "status", "steps", "known [%]", "reason")
+    rows, scopes = [], []
+    for record in own:
+        spec = record.spec
+        seed = "–" if spec.training_seed is None else str(spec.training_seed)
+        steps = str(max(len(record.steps["step"]) - 1, 0))
+        known = f"{100 * explored(record):.1f}"
+        row = (shown_name(spec.strategy), f"{spec.scenario.size:g}", str(spec.trial), seed)
+        rows.append((*row, record.status.replace("_", " "), steps, known, record.reason or "–"))
+        scopes.append(Scope((spec.strategy,), spec.scenario.size))
+    title = f"{len(own)} of {len(records)} trials did not explore their map"
+    return Table(title, header, tuple(rows), scopes=tuple(scopes))
+
+
+def gaps(trials: pd.DataFrame) -> list[str]:
+    """Sentences on strategies of the paper's tables without trials, and on worlds that not all of them tried."""
+    tried = set(trials["strategy"])
+    listed = {name: entry for name, entry in strategies().items() if set(entry.tables) & PAPER_TABLES.keys()}
+    absent = [name for name in listed if name not in tried]
+    untrained = [entry_of(name).label for name in absent if not listed[name].ready]
+    unrun = [entry_of(name).label for name in absent if listed[name].ready]
+    found = []
+    if unrun:
+        found.append(f"Not run: {', '.join(unrun)}.")
+    if untrained:
+        found.append(f"Not trained, hence not run: {', '.join(untrained)}.")
+    for size, here in trials.groupby("size"):
+        found += _unequal(float(str(size)), here)
+    if not any(finite >= 2 for finite in trials.groupby(["strategy", "size"])["trial"].nunique()):
+        found.append("Each strategy tried one world only, so there are no intervals.")
+    return found
+
+
+def _unequal(size: float, here: pd.DataFrame) -> list[str]:
+    """Sentences on the strategies and training seeds that lack worlds of a size which others tried."""
+    worlds = set(here["trial"])
+    found = []
+    for (name, seed), own in here.groupby(["strategy", "training_seed"], dropna=False):
+        lacking = len(worlds - set(own["trial"]))
+        if lacking:
+            which = "" if pd.isna(seed) else f" (training seed {seed})"
+            found.append(f"{entry_of(str(name)).label}{which} lacks {lacking} of {len(worlds)} worlds of {size:g} m.")
+    return found

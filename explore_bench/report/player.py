@@ -1,0 +1,100 @@
+"""What the page's replay player is given: strategies, packed trials, colours and a legend."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+from markupsafe import Markup
+
+from explore_bench.metrics import score
+from explore_bench.records import Store, TrialRecord
+from explore_bench.report import scene
+from explore_bench.report.replays import choose_trials, packed
+from explore_bench.report.style import entry_of
+from explore_bench.report.tables import number_text, shown_name
+
+COLORS = {
+    "unknown": scene.UNKNOWN,
+    "free": scene.FREE,
+    "occupied": scene.OCCUPIED,
+    "truth": scene.TRUE,
+    "estimate": scene.ESTIMATE,
+    "ellipse": scene.ELLIPSE,
+    "landmark": scene.LANDMARK,
+    "candidate": scene.CANDIDATE,
+    "chosen": scene.CHOSEN,
+    "range": scene.RANGE,
+}
+"""Of the player: those of the figures."""
+
+
+def player_data(
+    store: Store, records: Sequence[TrialRecord], table: pd.DataFrame, names: Sequence[str]
+) -> dict[str, Any]:
+    """What the player reads: the strategies of `names`, and trials with their replays packed.
+
+    `table` holds the rows of `trials.csv`, whose scores stand beside a replay.
+    """
+    numbers = {name: i for i, name in enumerate(names)}
+    values = table.set_index(["strategy", "size", "trial", "training_seed"])
+    trials = []
+    for choice in choose_trials(records):
+        spec, data = choice.record.spec, packed(store, choice.record)
+        if not data:
+            continue
+        seed = pd.NA if spec.training_seed is None else spec.training_seed
+        row = values.loc[(spec.strategy, spec.scenario.size, spec.trial, seed)]
+        e, eta = float(row["trajectory_error"]), float(row["exploration_efficiency"])
+        trials.append(
+            {
+                "strategy": numbers[spec.strategy],
+                "size": spec.scenario.size,
+                "world": spec.trial,
+                "roles": choice.roles,
+                "status": choice.record.status.replace("_", " "),
+                "T": score(choice.record).time,
+                "e": number_text(e, e),
+                "eta": number_text(eta, eta),
+                "data": data,
+            }
+        )
+    shown = [{"label": shown_name(name), "color": entry_of(name).color} for name in names]
+    coverage = records[0].spec.scenario.coverage
+    return {"strategies": shown, "trials": trials, "colors": COLORS, "coverage": coverage}
+
+
+def player_legend() -> list[dict[str, Any]]:
+    """Marks of the player's map, with words."""
+    c = COLORS
+
+    def box(color: str, more: str = "") -> str:
+        return f'<rect x="5" y="1" width="14" height="12" fill="{color}" {more}/>'
+
+    def line(color: str) -> str:
+        return f'<path d="M2 7H22" stroke="{color}" stroke-width="2"/>'
+
+    def cross(color: str) -> str:
+        return f'<path d="M6 7H18M12 1V13" stroke="{color}" stroke-width="2.4"/>'
+
+    def disc(color: str, radius: int) -> str:
+        return f'<circle cx="12" cy="7" r="{radius}" fill="{color}"/>'
+
+    ring = f'<ellipse cx="12" cy="7" rx="8" ry="5" fill="none" stroke="{c["ellipse"]}"/>'
+    dashed = f'stroke="{c["truth"]}" stroke-dasharray="3 2"'
+    marks = {
+        "unknown": box(c["unknown"]),
+        "free": box(c["free"], 'stroke="#ccc"'),
+        "believed obstacle": box(c["occupied"]),
+        "true obstacle": box("none", dashed),
+        "in the sensor’s range": disc(c["range"], 6),
+        "how unsure a landmark in the cell would be (1 σ)": ring,
+        "way as believed, 1-σ ellipses": line(c["estimate"]),
+        "true way": line(c["truth"]),
+        "landmark as believed": cross(c["landmark"]),
+        "true landmark": cross(c["truth"]),
+        "candidate": disc(c["candidate"], 4),
+        "chosen": disc(c["chosen"], 6),
+    }
+    return [{"mark": Markup(mark), "words": words} for words, mark in marks.items()]

@@ -1,0 +1,227 @@
+"""Replays for the page's player: which trials it offers, and each packed into a few kilobytes.
+
+A packed replay is columns of integers: quantities in fixed units (SCALES), each value less the one `lag` places
+before, as zigzag variable-length integers (LEB128), after a header in JSON that names the columns; all of it
+compressed by gzip without a date. `unpack_replay` is the reference for the player's own reader in `page/player.js`.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from explore_bench.metrics import curve, exploration_efficiency
+from explore_bench.records import Replay, Store, TrialRecord
+from explore_bench.scenario import Scenario
+from explore_bench.steps import unpack_ellipses, unpack_map
+
+EXAMPLE_TRIAL = 0
+"""World of the common example: the first, not a chosen one."""
+
+EXAMPLE, BEST, MEDIAN, WORST = "example", "best", "median", "worst"
+
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+"""Classes of a cell in a packed map."""
+
+AXIS_LEVELS, ANGLE_LEVELS = 50, 32
+"""Levels of an ellipse's half axes (of σ₀) and angle (of π)."""
+
+SCALES: dict[str, float] = {
+    **dict.fromkeys(("x", "y", "true_x", "true_y", "landmark_x", "landmark_y"), 0.01),  # m
+    "heading": math.tau / 256,
+    **dict.fromkeys(("pose_major", "pose_minor", "landmark_major", "landmark_minor"), 0.002),  # m
+    **dict.fromkeys(("pose_angle", "landmark_angle", "angle"), math.pi / ANGLE_LEVELS),
+    **dict.fromkeys(("major", "minor"), 1.0 / AXIS_LEVELS),  # of σ₀
+    "explored": 1.0,  # cells
+    "trajectory_error": 1e-4,  # m
+    "exploration_efficiency": 1e-3,  # m²/step
+}
+"""Unit of each column that counts something else than 1."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A trial that the player offers, and what it is among its strategy's trials of its size: roles."""
+
+    record: TrialRecord
+    roles: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of integers by name, and how many places before each value the one lies from which it is counted."""
+
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    lags: dict[str, int] = field(default_factory=dict)
+
+    def add(self, name: str, values: Any, lag: int = 0) -> None:
+        """Add a column in the unit of SCALES; what is not finite counts as 0."""
+        numbers = np.nan_to_num(np.asarray(values, dtype=float) / SCALES.get(name, 1.0), posinf=0.0, neginf=0.0)
+        self.values[name] = np.rint(numbers).astype(np.int64).ravel()
+        self.lags[name] = lag
+
+
+def choose_trials(records: Sequence[TrialRecord]) -> list[Choice]:
+    """Trials to replay of every strategy and size: the common example and the best, median and worst by η.
+
+    Of several training seeds the first counts; a trial without any step cannot be replayed. The median of an even
+    number is the worse of the two in the middle; of equals the lower world comes first.
+    """
+    cells: dict[tuple[str, float], list[TrialRecord]] = {}
+    for record in records:
+        if len(record.steps["step"]):
+            cells.setdefault((record.spec.strategy, record.spec.scenario.size), []).append(record)
+    return [choice for own in cells.values() for choice in _of_cell(own)]
+
+
+def _of_cell(records: Sequence[TrialRecord]) -> list[Choice]:
+    seed = min((-1 if r.spec.training_seed is None else r.spec.training_seed) for r in records)
+    own = [r for r in records if seed == (-1 if r.spec.training_seed is None else r.spec.training_seed)]
+    ranked = sorted(
+        (record for record in own if math.isfinite(exploration_efficiency(record))),
+        key=lambda record: (exploration_efficiency(record), record.spec.trial),
+    )
+    named = {EXAMPLE: next((record for record in own if record.spec.trial == EXAMPLE_TRIAL), None)}
+    if ranked:
+        named |= {BEST: ranked[-1], MEDIAN: ranked[(len(ranked) - 1) // 2], WORST: ranked[0]}
+    roles: dict[int, list[str]] = {}
+    for role, record in named.items():
+        if record is not None:
+            roles.setdefault(record.spec.trial, []).append(role)
+    trials = {record.spec.trial: record for record in own}
+    return [Choice(trials[trial], tuple(names)) for trial, names in sorted(roles.items())]
+
+
+def packed(store: Store, record: TrialRecord) -> str:
+    """Replay of a stored trial for the page, in base64; empty where the trial holds no decision."""
+    replay = store.replay(record.spec)
+    return base64.b64encode(pack_replay(record, replay)).decode() if replay.steps else ""
+
+
+def pack_replay(record: TrialRecord, replay: Replay) -> bytes:
+    """Pack a replay; see the module for the format. The same records give the same bytes."""
+    scenario = record.spec.scenario
+    columns = Columns()
+    _add_steps(columns, record)
+    _add_decisions(columns, replay, scenario)
+    header = {
+        "cells": scenario.cells,
+        "cellSize": scenario.cell_size,
+        "range": scenario.sensor_range,
+        "obstacles": np.flatnonzero(record.world.obstacles).tolist(),
+        "landmarks": [[round(float(x), 2), round(float(y), 2)] for x, y in record.world.landmarks],
+        "columns": [
+            {"name": name, "count": len(own), "lag": columns.lags[name], "scale": SCALES.get(name, 1.0)}
+            for name, own in columns.values.items()
+        ],
+    }
+    text = json.dumps(header, separators=(",", ":")).encode()
+    body = b"".join(_varints(_lagged(own, columns.lags[name])) for name, own in columns.values.items())
+    return gzip.compress(len(text).to_bytes(4, "little") + text + body, 9, mtime=0)
+
+
+def unpack_replay(content: bytes) -> dict[str, Any]:
+    """Header of a packed replay, each column under its name in its unit."""
+    raw = gzip.decompress(content)
+    length = int.from_bytes(raw[:4], "little")
+    header: dict[str, Any] = json.loads(raw[4 : 4 + length])
+    numbers = _integers(raw[4 + length :])
+    place = 0
+    for column in header.pop("columns"):
+        own = numbers[place : place + column["count"]]
+        place += column["count"]
+        for start in range(column["lag"]):  # one chain for each place within a lag
+            own[start :: column["lag"]] = np.cumsum(own[start :: column["lag"]])
+        header[column["name"]] = own * column["scale"]
+    return header
+
+
+def _add_steps(columns: Columns, record: TrialRecord) -> None:
+    """Add what changes with every step: poses, their 1-σ ellipses and the three curves."""
+    steps = record.steps
+    for name in ("x", "y", "true_x", "true_y"):
+        columns.add(name, steps[name], lag=1)
+    columns.add("heading", steps["heading"] % math.tau, lag=1)
+    _add_ellipses(columns, "pose_", steps["cov_xx"], steps["cov_xy"], steps["cov_yy"], lag=1)
+    length = len(steps["step"])
+    columns.add("explored", curve(record, "explored", length) * record.spec.scenario.cell_count, lag=1)
+    for name in ("trajectory_error", "exploration_efficiency"):
+        columns.add(name, curve(record, name, length), lag=1)
+
+
+def _add_decisions(columns: Columns, replay: Replay, scenario: Scenario) -> None:
+    """Add what changes with every decision: candidates, the choice, the map, its ellipses and the landmarks."""
+    count = scenario.cell_count
+    candidates = [own or [] for own in replay.candidates]
+    columns.add("decided_at", replay.steps, lag=1)
+    columns.add("choice", [-1 if choice is None else choice for choice in replay.choices])
+    columns.add("candidate_count", [len(own) for own in candidates])
+    columns.add("candidates", [cell for own in candidates for cell in own], lag=1)
+    columns.add("map", [_classes(one, scenario.cells) for one in replay.maps], lag=count)
+    ellipses = np.array([unpack_ellipses(one, scenario.cells, 1.0).reshape(count, 3) for one in replay.ellipses])
+    ellipses = ellipses.reshape(-1, count, 3)
+    columns.add("major", ellipses[..., 0], lag=count)
+    columns.add("minor", ellipses[..., 1], lag=count)
+    round_ = ellipses[..., 0] - ellipses[..., 1] < 1.5 / AXIS_LEVELS  # whose angle would be noise
+    columns.add("angle", np.where(round_, 0.0, ellipses[..., 2]), lag=count)
+    landmarks = np.concatenate([*replay.landmarks, np.zeros((0, 5))])
+    columns.add("landmark_count", [len(own) for own in replay.landmarks])
+    columns.add("landmark_x", landmarks[:, 0])
+    columns.add("landmark_y", landmarks[:, 1])
+    _add_ellipses(columns, "landmark_", *landmarks[:, 2:].T)
+
+
+def _add_ellipses(columns: Columns, prefix: str, xx: Any, xy: Any, yy: Any, lag: int = 0) -> None:
+    """Add half axes and angles of the 1-σ ellipses of covariances."""
+    mean, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    columns.add(f"{prefix}major", np.sqrt(np.maximum(mean + radius, 0.0)), lag)
+    columns.add(f"{prefix}minor", np.sqrt(np.maximum(mean - radius, 0.0)), lag)
+    columns.add(f"{prefix}angle", 0.5 * np.arctan2(2 * xy, xx - yy) % np.pi, lag)
+
+
+def _classes(one: bytes, cells: int) -> np.ndarray:
+    """Class of every cell: unknown, free or occupied."""
+    belief = unpack_map(one, cells).ravel()
+    return np.where(np.isnan(belief), UNKNOWN, np.where(belief > 0.5, OCCUPIED, FREE))
+
+
+def _lagged(values: np.ndarray, lag: int) -> np.ndarray:
+    """Values less those `lag` places before; 0 leaves them as they are."""
+    if not lag:
+        return values
+    result = values.copy()
+    result[lag:] -= values[:-lag]
+    return result
+
+
+def _varints(values: np.ndarray) -> bytes:
+    """Zigzag LEB128: seven bits a byte, the lowest first, the sign in the last bit."""
+    unsigned = ((values << 1) ^ (values >> 63)).astype(np.uint64)
+    groups = [unsigned]
+    while (groups[-1] >> np.uint64(7)).any():
+        groups.append(groups[-1] >> np.uint64(7))
+    table = np.stack(groups, axis=-1)
+    more = np.zeros(table.shape, dtype=bool)
+    more[:, :-1] = table[:, 1:] > 0
+    written = np.ones(table.shape, dtype=bool)
+    written[:, 1:] = more[:, :-1]
+    return bytes(((table & np.uint64(127)) | (more.astype(np.uint64) << np.uint64(7)))[written].astype(np.uint8))
+
+
+def _integers(content: bytes) -> np.ndarray:
+    """Return the integers that `_varints` wrote."""
+    octets = np.frombuffer(content, dtype=np.uint8).astype(np.int64)
+    last = octets < 128
+    number = np.concatenate(([0], np.cumsum(last)[:-1])) if len(octets) else np.zeros(0, dtype=np.int64)
+    starts = np.concatenate(([0], np.flatnonzero(last)[:-1] + 1)) if last.any() else np.zeros(0, dtype=np.int64)
+    shift = 7 * (np.arange(len(octets)) - starts[number])
+    unsigned = np.zeros(int(last.sum()), dtype=np.int64)
+    np.add.at(unsigned, number, (octets & 127) << shift)
+    return (unsigned >> 1) ^ -(unsigned & 1)

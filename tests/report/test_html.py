@@ -1,0 +1,404 @@
+"""The page: what stands on it, what is escaped, that it needs nothing else and never changes."""
+
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from handmade import record, with_spec
+
+from explore_bench.records import Store
+from explore_bench.registry import strategies
+from explore_bench.report import html, origin
+from explore_bench.report.captions import caption
+from explore_bench.report.completeness import endings_table, gaps
+from explore_bench.report.figures import CURVE_FIGURES
+from explore_bench.report.html import Content, Section, render_page, script_json
+from explore_bench.report.markup import header_groups
+from explore_bench.report.origin import commit, origin_tables, processor
+from explore_bench.report.render import write_report
+from explore_bench.report.tables import Scope, Table, report_tables
+from explore_bench.report.training import TRAINING_FIGURES
+from explore_bench.results import summary_table, trial_table
+
+HOSTILE = '</script><script>alert("x")</script><b>$\\frac&amp;'
+
+
+class Page(HTMLParser):
+    """What a parser sees: tables as rows of texts by their captions, ids, names of elements, text outside scripts."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tables, self.ids, self.elements, self.words, self.attributes = {}, [], [], "", []
+        self._caption, self._cell, self._inside = None, None, None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self.elements.append(tag)
+        self.attributes += attributes
+        self.ids += [values["id"]] if "id" in values else []
+        if tag in ("script", "style"):
+            self._inside = tag
+        elif tag == "figcaption":
+            self._caption = ""
+        elif tag == "table":
+            self.tables[self._caption] = []
+        elif tag == "tr":
+            self.tables[self._caption].append([])
+        elif tag in ("td", "th"):
+            self._cell = ""
+
+    def handle_endtag(self, tag):
+        if tag in ("script", "style"):
+            self._inside = None
+        elif tag in ("td", "th"):
+            self.tables[self._caption][-1].append(self._cell)
+            self._cell = None
+
+    def handle_data(self, data):
+        if self._inside:
+            return
+        self.words += data
+        if self._cell is not None:
+            self._cell += data
+        elif self._caption == "":
+            self._caption = data
+
+
+def content_of(records, store=None, **options):
+    trials = trial_table(records)
+    tables = tuple(report_tables(trials, summary_table(trials)).values())
+    return Content(store or Store(Path("nowhere")), records, trials, tables, **options)
+
+
+@pytest.fixture(scope="module")
+def content(stored):
+    return content_of(stored.store.records()[0], stored.store)
+
+
+@pytest.fixture(scope="module")
+def text(content):
+    return render_page(content)
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def data_of(text):
+    [found] = re.findall(r'<script type="application/json" id="replays">(.*?)</script>', text, re.DOTALL)
+    return json.loads(found)
+
+
+@pytest.fixture
+def bare(monkeypatch):
+    """Let no replay be read: records made by hand lie in no store."""
+    monkeypatch.setattr("explore_bench.report.player.packed", lambda store, record: "")
+
+
+# Contents
+
+
+def test_the_page_has_every_table_with_every_cell(content, page):
+    for table in (*content.tables, *origin_tables(content.records)):
+        rows = page.tables[table.title]
+        assert rows[-len(table.rows) :] == [list(row) for row in table.rows]
+
+
+def test_numbers_are_those_of_the_summary_in_the_tables_of_the_paper(trained):
+    trained(0)
+    records = [record(trial=i, scenario=SIZE20, uncertainty=[200.0, 50.0 + 7 * i, 20.0 + i]) for i in range(4)]
+    summary = summary_table(trial_table(records))
+    own = summary[(summary["table"] == "table2") & (summary["n"] > 0)].set_index("metric")
+    table = report_tables(trial_table(records), summary)["table2"]
+    [row] = [row for row in Page(render_bare(records)).tables[table.title] if row[0] == "Nearest"]
+    for metric, place in (("trajectory_error", 5), ("exploration_efficiency", 9)):
+        line = own.loc[metric]
+        mean, low, high = (f"{line[name]:.{2 if line['mean'] >= 10 else 3}f}" for name in ("mean", "ci_low", "ci_high"))
+        assert row[place] == f"{mean} [{low}, {high}]"
+
+
+def test_the_introduction_explains_what_is_compared_and_how_to_read_it(page):
+    words = " ".join(page.words.split())
+    for term in (
+        "Higher is better",
+        "Lower is better",
+        "How to read an interval",
+        "Graph-STNN",
+        "Zhang et al.",
+        "reference",
+    ):
+        assert term in words
+    assert "3 strategies for exploring an unknown map, compared in 9 simulated trials on 3 worlds" in words
+
+
+def test_no_id_is_there_twice(page):
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_nothing_on_the_page_asks_the_network(text):
+    outside = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
+    assert not re.search(r"https?://|@import|url\((?!#)|<link(?! rel=\"icon\" href=\"data:,\")|<img|<iframe", outside)
+    assert "default-src 'none'" in text
+
+
+def test_all_trials_explored_is_said(page, content):
+    assert "None: every one of the 9 trials explored its map." in " ".join(page.words.split())
+
+
+def test_a_section_of_its_own_stands_before_the_tables(content):
+    table = Table("Verdicts", ("claim", "verdict"), (("A beats B", "holds"),), "A note.")
+    with_claims = dataclasses.replace(content, sections=(Section("Claims", ("One paragraph.", "Two."), (table,)),))
+    text = render_page(with_claims)
+    assert text.index("<h2>Claims</h2>") < text.index("<h2>Tables</h2>")
+    assert Page(text).tables["Verdicts"] == [["claim", "verdict"], ["A beats B", "holds"]]
+    assert "<p>One paragraph.</p><p>Two.</p>" in text
+    assert '<a href="#section-1">Claims</a>' in text
+
+
+def test_figures_stand_inline_with_ids_of_their_own(content, tmp_path):
+    drawing = '<svg viewBox="0 0 9 9"><g id="a"><use xlink:href="#a"/></g></svg>'
+    files = [tmp_path / f"{name}.svg" for name in ("figure-10a", "figure-10b")]
+    for file in files:
+        file.write_text(drawing)
+    text = render_page(dataclasses.replace(content, figures=files))
+    page = Page(text)
+    assert {"figure-10a-a", "figure-10b-a"} <= set(page.ids)
+    assert len(page.ids) == len(set(page.ids))
+    assert "Figure 10a" in page.words
+
+
+def test_every_figure_has_a_caption():
+    names = [*TRAINING_FIGURES, *(name + part for name in CURVE_FIGURES for part in "ab"), "figure-06"]
+    captions = [caption(name) for name in names]
+    assert len(set(captions)) == len(names)
+    for name, words in zip(names, captions, strict=True):
+        assert words.startswith(f"Figure {name.removeprefix('figure-').lstrip('0')}. ")
+    assert caption("other") == "other"
+
+
+def test_the_player_offers_every_strategy_that_ran_and_no_other(text):
+    data = data_of(text)
+    assert [one["label"] for one in data["strategies"]] == ["Random", "Nearest", "Clairvoyant (reference)"]
+    assert {one["strategy"] for one in data["trials"]} == {0, 1, 2}
+    for i in range(3):
+        own = [one for one in data["trials"] if one["strategy"] == i]
+        assert {role for one in own for role in one["roles"]} == {"example", "best", "median", "worst"}
+        assert all(one["data"] for one in own)
+
+
+def test_a_replay_s_scores_are_those_of_its_trial(text, content):
+    for one in data_of(text)["trials"]:
+        name = ("random", "nearest", "clairvoyant")[one["strategy"]]
+        own = content.trials[(content.trials["strategy"] == name) & (content.trials["trial"] == one["world"])].iloc[0]
+        assert one["T"] == own["steps"]
+        assert float(one["eta"].replace("−", "-")) == pytest.approx(own["exploration_efficiency"], abs=0.006)
+
+
+# Filters
+
+
+def test_rows_and_columns_say_what_they_speak_of(text):
+    assert text.count(' data-s="0"') >= 2
+    assert ' data-s="0 1" data-z="12"' in text, "a paired difference"
+    assert 'data-z="40"' in text, "columns of Table 2"
+
+
+def test_columns_of_one_size_share_a_heading():
+    table = Table("t", ("Method", "n", "e 20 m: paper", "ours"), (("a", "1", "–", "2"),), columns=SCOPES)
+    groups = header_groups(table)
+    assert [(group.title, group.names) for group in groups] == [
+        ("Method", ()),
+        ("n", ()),
+        ("e 20 m", ("paper", "ours")),
+    ]
+    assert groups[2].attributes == ' class="edge" data-z="20"'
+
+
+def test_words_are_aligned_on_the_left_and_numbers_are_not():
+    table = Table("t", ("Method", "n", "why"), (("a", "−1.2 [3, 4]", "because"), ("b", "not run", "x" * 50)))
+    assert [group.attributes for group in header_groups(table)] == [' class="words"', "", ' class="long"']
+
+
+# What must not break it
+
+
+def test_hostile_labels_stay_text(content, monkeypatch):
+    known = strategies()
+    monkeypatch.setitem(known, "random", dataclasses.replace(known["random"], label=HOSTILE))
+    text = render_page(
+        dataclasses.replace(content_of(content.records, content.store), sections=(Section(HOSTILE, (HOSTILE,)),))
+    )
+    page = Page(text)
+    assert page.elements.count("script") == 2
+    outside = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+    assert outside.count("alert(") == outside.count("&lt;script&gt;alert(") > 0
+    assert data_of(text)["strategies"][0]["label"] == HOSTILE
+    assert any(row[0] == HOSTILE for row in page.tables[content.tables[0].title])
+
+
+def test_json_in_a_script_can_neither_end_it_nor_open_a_comment():
+    text = script_json({"a": "</script><!-- & \u2028"})
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == {"a": "</script><!-- & \u2028"}
+
+
+def test_a_plugin_of_an_unknown_name_has_rows_and_a_place_in_the_player(content):
+    own = [with_spec(r, strategy="who_knows", factory="gone.away:Plugin") for r in content.records[:3]]
+    text = render_page(content_of([*content.records, *own], Relay(content)))
+    assert data_of(text)["strategies"][-1]["label"] == "who knows"
+    assert any(one["strategy"] == 3 for one in data_of(text)["trials"])
+
+
+def test_trials_that_failed_without_a_step_leave_a_row_and_no_replay(bare):
+    failed = record("failed", rows=0, trial=4, reason=f"ValueError: {HOSTILE}")
+    text = render_page(content_of([failed]))
+    assert "No trial made a step" in text
+    assert 'id="replays"' not in text
+    [row] = Page(text).tables["1 of 1 trials did not explore their map"][1:]
+    assert row == ["Nearest", "12", "4", "–", "failed", "0", "0.0", f"ValueError: {HOSTILE}"]
+
+
+def test_one_trial_alone_makes_a_page_that_says_there_are_no_intervals(bare):
+    text = render_page(content_of([record(uncertainty=[200.0, 50.0])]))
+    assert "Each strategy tried one world only, so there are no intervals." in text
+    assert "1 strategy for exploring an unknown map, compared in 1 simulated trial on 1 world" in text
+
+
+def test_what_was_not_run_or_not_trained_is_said(untrained):
+    untrained("gcn-obs")
+    found = gaps(trial_table([record(uncertainty=[200.0, 50.0])]))
+    assert any(line.startswith("Not run: ") and "Random" in line for line in found)
+    assert "Not trained, hence not run: GCN-obs" in " ".join(found)
+
+
+def test_unequal_sets_of_worlds_are_said():
+    own = [record(trial=i, uncertainty=[200.0, 50.0]) for i in range(3)]
+    others = [record(strategy="random", trial=i, uncertainty=[200.0, 50.0]) for i in range(1)]
+    assert "Random lacks 2 of 3 worlds of 12 m." in gaps(trial_table([*own, *others]))
+    assert not [line for line in gaps(trial_table(own)) if "lacks" in line]
+
+
+def test_every_trial_that_did_not_explore_has_a_row_with_its_reason():
+    records = [
+        record(uncertainty=[200.0, 50.0]),
+        with_spec(record("stuck", trial=1, explored=[0.1, 0.5], reason="20 decisions in cell 3"), training_seed=2),
+        record("step_limit", trial=2, explored=[0.1, 0.25]),
+    ]
+    table = endings_table(records)
+    assert [row[2:] for row in table.rows] == [
+        ("1", "2", "stuck", "1", "50.0", "20 decisions in cell 3"),
+        ("2", "–", "step limit", "1", "25.0", "–"),
+    ]
+    assert table.scopes[0] == Scope(("nearest",), 12.0)
+
+
+# Where the numbers come from
+
+
+def test_versions_machine_seeds_and_digests_are_told(page, content):
+    software = dict(page.tables["Software and machine"][1:])
+    assert software["Python"].endswith(".".join(map(str, __import__("sys").version_info[:3])))
+    assert software["processor"] == processor() != ""
+    assert {"numpy", "gtsam", "torch", "commit", "cores"} <= software.keys()
+    protocol = dict(page.tables["Protocol"][1:])
+    assert protocol["root seed"] == "0"
+    assert any(re.search(r"3 worlds, digest [0-9a-f]{12}", value) for value in protocol.values())
+    assert all(re.fullmatch("[0-9a-f]{12}", row[2]) for row in page.tables["Strategies"][1:])
+
+
+def test_a_training_s_command_comes_from_the_card_and_its_absence_is_said(trained):
+    weights = trained(0)
+    own = with_spec(record(strategy="gcn-obs", uncertainty=[200.0, 50.0]), training_seed=0, weights=weights[0])
+    [row] = origin.strategies_table([own]).rows
+    assert re.fullmatch("[0-9a-f]{12}", row[3])
+    assert row[5] == "not in the card"
+    card = Path(weights[0]).with_suffix(".json")
+    card.write_text(json.dumps(json.loads(card.read_text()) | {"command": "explore-bench train gcn-obs"}))
+    assert origin.strategies_table([own]).rows[0][5] == "explore-bench train gcn-obs"
+    card.unlink()
+    assert origin.strategies_table([own]).rows[0][4:] == ("–", "no card")
+
+
+SHA = "0123456789" * 4
+
+
+@pytest.mark.parametrize(
+    ("files", "found"),
+    [
+        ({".git/HEAD": SHA}, SHA),
+        ({".git/HEAD": "ref: refs/heads/main\n", ".git/refs/heads/main": SHA + "\n"}, SHA),
+        ({".git/HEAD": "ref: refs/heads/main", ".git/packed-refs": f"# pack\n{SHA} refs/heads/main\n"}, SHA),
+        ({".git": "gitdir: elsewhere\n", "elsewhere/HEAD": SHA}, SHA),
+        (
+            {
+                ".git": "gitdir: home/worktrees/w",
+                "home/worktrees/w/HEAD": "ref: refs/heads/w",
+                "home/worktrees/w/commondir": "../..",
+                "home/refs/heads/w": SHA,
+            },
+            SHA,
+        ),
+        ({".git/HEAD": "ref: refs/heads/unborn"}, ""),
+        ({".git/HEAD": "<b>"}, ""),
+        ({}, ""),
+    ],
+)
+def test_the_commit_is_read_from_the_checkout_where_there_is_one(monkeypatch, tmp_path, files, found):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(origin.explore_bench, "__file__", str(tmp_path / "explore_bench" / "__init__.py"))
+    assert commit() == found
+
+
+# Files
+
+
+def test_a_report_writes_the_page_and_twice_the_same(own_store):
+    report = write_report(own_store.folder)
+    assert report.files[-1] == own_store.folder / "report.html"
+    first = report.files[-1].read_bytes()
+    assert write_report(own_store.folder, ()).files[-1].read_bytes() == first
+    assert str(own_store.folder).encode() not in first
+
+
+def test_the_page_s_files_are_part_of_the_package():
+    folder = Path(html.__file__).parent / "page"
+    assert {file.name for file in folder.iterdir()} == {"page.html.j2", "page.css", "player.js"}
+    project = (Path(html.__file__).parents[2] / "pyproject.toml").read_text()
+    assert '"explore_bench.report" = ["page/*"]' in project
+
+
+SIZE20 = record(rows=1).spec.scenario.__class__(size=20.0)
+SCOPES = (Scope(), Scope(), Scope(size=20.0), Scope(size=20.0))
+
+
+class Relay:
+    """A store that finds the replay of a trial under whatever name its strategy goes."""
+
+    def __init__(self, content):
+        self.replays = {(r.spec.strategy, r.spec.trial): r.spec for r in content.records}
+        self.store = content.store
+
+    def replay(self, spec):
+        return self.store.replay(
+            self.replays.get((spec.strategy, spec.trial)) or self.replays["clairvoyant", spec.trial]
+        )
+
+
+def render_bare(records):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("explore_bench.report.player.packed", lambda store, record: "")
+        return render_page(content_of(records))
+
+
+def test_the_table_of_trials_need_not_be_sorted(content):
+    shuffled = content.trials.iloc[::-1]
+    assert render_page(dataclasses.replace(content, trials=shuffled)) == render_page(content)
+    assert isinstance(shuffled, pd.DataFrame)
