@@ -353,7 +353,7 @@ def test_the_commit_is_read_from_the_checkout_where_there_is_one(monkeypatch, tm
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(origin.explore_bench, "__file__", str(tmp_path / "explore_bench" / "__init__.py"))
+    monkeypatch.setattr(origin, "__file__", str(tmp_path / "explore_bench" / "report" / "origin.py"))
     assert commit() == found
 
 
