@@ -107,7 +107,8 @@ def _draw_ellipses(
 ) -> None:
     """Draw ellipses at offsets [m], shape (K, 2), with half axes [m], shape (K, 2), and angles [rad], shape (K,)."""
     ellipses = EllipseCollection(
-        *2 * half_axes.T,
+        2 * half_axes[:, 0],
+        2 * half_axes[:, 1],
         np.degrees(angles),
         units="xy",
         offsets=offsets,
