@@ -189,7 +189,7 @@ def _run(
 @cli.command()
 @results_option
 def report(results: Path) -> int:
-    """Write tables and figures from stored records; simulates nothing."""
+    """Write tables, figures and a page with replays from stored records; simulates nothing."""
     from explore_bench.report.render import write_report
 
     written = write_report(results)

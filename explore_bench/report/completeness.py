@@ -39,9 +39,9 @@ def gaps(trials: pd.DataFrame) -> list[str]:
     unrun = [entry_of(name).label for name in absent if listed[name].ready]
     found = []
     if unrun:
-        found.append(f"Not run: {', '.join(unrun)}.")
+        found.append(f"Not run: {'; '.join(unrun)}.")
     if untrained:
-        found.append(f"Not trained, hence not run: {', '.join(untrained)}.")
+        found.append(f"Not trained, hence not run: {'; '.join(untrained)}.")
     for size, here in trials.groupby("size"):
         found += _unequal(float(str(size)), here)
     if not any(finite >= 2 for finite in trials.groupby(["strategy", "size"])["trial"].nunique()):

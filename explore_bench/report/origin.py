@@ -82,9 +82,9 @@ def strategies_table(records: Sequence[TrialRecord]) -> Table:
     return Table("Strategies", header, tuple(rows), "SHA-256, first digits.", scopes)
 
 
-def commit() -> str:
-    """Commit of the checkout that this code lies in; empty where it lies in none."""
-    git = Path(__file__).parents[2] / ".git"
+def commit(folder: Path = Path(__file__).parents[2]) -> str:
+    """Commit that is checked out in a folder, by default the one that holds this package; empty where none is."""
+    git = folder / ".git"
     try:
         if git.is_file():  # a worktree or a submodule
             git = (git.parent / git.read_text(encoding="utf-8").removeprefix("gitdir:").strip()).resolve()

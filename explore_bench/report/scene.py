@@ -106,10 +106,9 @@ def _draw_ellipses(
     axes: Axes, offsets: np.ndarray, half_axes: np.ndarray, angles: np.ndarray, color: str, width: float
 ) -> None:
     """Draw ellipses at offsets [m], shape (K, 2), with half axes [m], shape (K, 2), and angles [rad], shape (K,)."""
-    widths, heights = 2 * half_axes.T
     ellipses = EllipseCollection(
-        widths,
-        heights,
+        2 * half_axes[:, 0],
+        2 * half_axes[:, 1],
         np.degrees(angles),
         units="xy",
         offsets=offsets,
