@@ -2,8 +2,8 @@
 
     python docs/studies/learning_causes.py [--out FOLDER] [VARIANT ...]
 
-Every variant learns for as many episodes and is judged on validation worlds of another root than those that chose its
-weights; untrained strategies play the same worlds. Trainings resume from FOLDER. Writes learning-causes.csv beside
+Every variant is judged on validation worlds of another root than those that chose its weights; untrained strategies
+play the same worlds. The last variant is the shipped `graph-stnn-plus`, its first training seed. Trainings resume from FOLDER. Writes learning-causes.csv beside
 this file; docs/learning.md tells what came of it.
 """
 
@@ -89,9 +89,7 @@ VARIANTS: dict[str, train.Recipe] = {
     "d along the path, returns": dataclasses.replace(FAITHFUL, network=partial(GraphSTNN, distance="path")),
     "Eq. 4, policy gradient": train.Recipe(GraphPolicy, PolicyGradientLearner, GRADIENT, EPISODES),
     "features of graph-stnn-plus, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
-    "features of graph-stnn-plus, policy gradient": train.Recipe(
-        GraphSTNNPlus, PolicyGradientLearner, GRADIENT, EPISODES
-    ),
+    "features of graph-stnn-plus, policy gradient": train.RECIPES["baselines.learned.graph_stnn_plus"],
 }
 
 
