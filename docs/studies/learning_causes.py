@@ -3,8 +3,8 @@
     python docs/studies/learning_causes.py [--out FOLDER] [VARIANT ...]
 
 Every variant is judged on validation worlds of another root than those that chose its weights; untrained strategies
-play the same worlds. The last variant is the shipped `graph-stnn-plus`, its first training seed. Trainings resume from FOLDER. Writes learning-causes.csv beside
-this file; docs/learning.md tells what came of it.
+play the same worlds. The last variant is the shipped `graph-stnn-plus`, its first training seed. Trainings resume from
+FOLDER. Writes learning-causes.csv beside this file; docs/learning.md tells what came of it.
 """
 
 from __future__ import annotations
