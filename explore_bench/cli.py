@@ -228,12 +228,12 @@ def compare(a: Path, b: Path, file: Path | None) -> int:
 )
 @click.option("--seed", type=int, default=0, show_default=True, metavar="ROOT", help="Root seed.")
 @click.option("--scenario", metavar="NAME|FILE.toml", help="Physical constants instead of the paper's.")
-@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="A .png, .svg or .gif.")
+@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="A .png, .svg, .gif or .html.")
 @results_option
 def demo(
     strategy: str, size: float | None, trial: int, seed: int, scenario: str | None, output: Path | None, results: Path
 ) -> int:
-    """Run one trial of STRATEGY and draw it: a picture of its end, or (.gif) every decision."""
+    """Run one trial of STRATEGY and draw it: a picture of its end, every decision (.gif), or a player (.html)."""
     from explore_bench.report.demo import draw_trial
     from explore_bench.scenario import load_scenario
     from explore_bench.suites import plan

@@ -1,4 +1,4 @@
-"""One trial to look at, as a picture of its last decision or an animation of all."""
+"""One trial to look at: a picture of its last decision, an animation of all, or a page that plays it."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from matplotlib.figure import Figure
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.records import Replay, Store, TrialRecord
+from explore_bench.report.html import Content, write_page
 from explore_bench.report.scene import draw_scene, scene_legend
 from explore_bench.report.style import entry_of, save, styled
+from explore_bench.results import trial_table
 from explore_bench.spec import TrialSpec
 from explore_bench.trial import run_trial
 
 FRAMES_PER_SECOND = 2
-SUFFIXES = (".gif", ".png", ".svg")
+SUFFIXES = (".gif", ".png", ".svg", ".html")
 
 
 def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
-    """Run a trial and draw it to a .png or .svg (its last decision) or a .gif (every decision and the end).
+    """Run a trial and draw it: .png or .svg (its last decision), .gif (every decision and the end), .html (a player).
 
     Raises
     ------
@@ -34,8 +36,13 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
         store.open(spec.root, spec.purpose, scenario=None)
         store.write(run_trial(spec))
         record, replay = store.find(spec), store.replay(spec)
-    if not replay.steps:
-        raise RequestError(f"strategy '{spec.strategy}' failed before any decision: {record.reason}.")
+        if not replay.steps:
+            raise RequestError(f"strategy '{spec.strategy}' failed before any decision: {record.reason}.")
+        if path.suffix == ".html":
+            with writing(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_page(Content(store, [record], trial_table([record]), ()), path)
+            return record
     with styled():
         figure = plt.figure(figsize=(7.0, 4.9))
         if path.suffix == ".gif":

@@ -15,7 +15,7 @@ from explore_bench.trial import run_trial
 SPEC = tiny_plan(["nearest"], trials=1)[0]
 
 
-@pytest.mark.parametrize("suffix", [".png", ".svg", ".gif"])
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".gif", ".html"])
 def test_a_trial_is_drawn_and_its_record_returned(tmp_path, suffix):
     path = tmp_path / "deep" / f"a{suffix}"
     record = draw_trial(SPEC, path)
@@ -59,7 +59,7 @@ def test_another_kind_of_file_is_refused_before_anything_runs(tmp_path, monkeypa
     with pytest.raises(RequestError) as caught:
         draw_trial(SPEC, tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)
-    assert all(suffix in str(caught.value) for suffix in (".gif", ".png", ".svg"))
+    assert all(suffix in str(caught.value) for suffix in (".gif", ".png", ".svg", ".html"))
 
 
 def test_a_trial_that_failed_on_the_way_is_drawn_up_to_there(tmp_path):
