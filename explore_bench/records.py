@@ -157,7 +157,10 @@ class Store:
     def has(self, spec: TrialSpec) -> bool:
         """Whether a trial is stored; one that failed for want of time, memory or disk does not count."""
         path = self.path(trial_key(spec))
-        return path.is_file() and not json.loads(_metadata(path))["transient"]
+        if not path.is_file():
+            return False
+        with _opened(path) as shard:
+            return not _facts(shard, path)["transient"]
 
     def read(self, path: Path) -> TrialRecord:
         """Read a shard.
@@ -166,27 +169,8 @@ class Store:
         ------
         RequestError : for a file that is no shard or of another record version.
         """
-        values = json.loads(_metadata(path))
-        columns = _columns(path, [*STEP_COLUMNS, *FINAL_COLUMNS])
-        arrays = {name: columns[name].to_numpy() for name in columns.column_names}
-        world = values["world"]
-        cells = int(values["spec"]["scenario"]["size"] / values["spec"]["scenario"]["cell_size"] + 0.5)
-        obstacles = np.zeros(cells * cells, dtype=bool)
-        obstacles[world["obstacles"]] = True
-        return TrialRecord(
-            spec=_spec_from(values["spec"]),
-            status=values["status"],
-            reason=values["reason"],
-            steps={name: arrays[name] for name in STEP_COLUMNS},
-            final={name: arrays[name] for name in FINAL_COLUMNS},
-            world=World(
-                obstacles.reshape(cells, cells),
-                np.array(world["landmarks"], dtype=float).reshape(-1, 2),
-                (world["start"][0], world["start"][1], world["start"][2]),
-                values["spec"]["scenario"]["cell_size"],
-            ),
-            transient=values["transient"],
-        )
+        with _opened(path) as shard:
+            return _record(shard, _facts(shard, path))
 
     def find(self, spec: TrialSpec) -> TrialRecord:
         """Read a stored trial."""
@@ -194,7 +178,10 @@ class Store:
 
     def replay(self, spec: TrialSpec) -> Replay:
         """Read the replay of a stored trial."""
-        table = _columns(self.path(trial_key(spec)), ["step", *REPLAY_COLUMNS]).to_pylist()
+        path = self.path(trial_key(spec))
+        with _opened(path) as shard:
+            _facts(shard, path)
+            table = shard.read(["step", *REPLAY_COLUMNS], use_threads=False).to_pylist()
         rows = [row for row in table if row["map"] is not None]
         return Replay(
             steps=[row["step"] for row in rows],
@@ -215,19 +202,14 @@ class Store:
         found: list[TrialRecord] = []
         stale = 0
         for path in sorted(self.runs.glob("*.parquet")):
-            if self._is_current(path):
-                found.append(self.read(path))
-            else:
-                stale += 1
+            with _opened(path) as shard:
+                facts = _facts(shard, path)
+                if _is_current(facts["spec"], path.stem):
+                    found.append(_record(shard, facts))
+                else:
+                    stale += 1
         found.sort(key=_order)
         return found, stale
-
-    def _is_current(self, path: Path) -> bool:
-        values = json.loads(_metadata(path))["spec"]
-        try:
-            return trial_key(_spec_from(values)) == path.stem
-        except (OSError, SyntaxError, RequestError):
-            return False  # a plugin's file that is gone or broken, a constant that is no more
 
 
 def _table(result: TrialResult) -> pa.Table:
@@ -272,29 +254,57 @@ def _order(record: TrialRecord) -> tuple[str, int, float, int]:
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a shard; whatever is wrong with it while it is read is said of its file."""
     try:
-        yield
+        with pq.ParquetFile(path) as shard:
+            yield shard
     except (pa.ArrowException, OSError):
         raise RequestError(f"'{path}' is no readable record; delete it and run again.") from None
 
 
-def _columns(path: Path, names: list[str]) -> pa.Table:
-    with _readable(path):
-        return pq.read_table(path, columns=names)
-
-
-def _metadata(path: Path) -> bytes:
-    with _readable(path):
-        metadata = pq.read_schema(path).metadata or {}
+def _facts(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
+    """Metadata of a shard: the specification of its trial, its ending and its world."""
+    metadata = shard.schema_arrow.metadata or {}
     if METADATA_KEY not in metadata:
         raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
-    version = json.loads(metadata[METADATA_KEY]).get("schema")
-    if version != SCHEMA_VERSION:
+    facts: dict[str, Any] = json.loads(metadata[METADATA_KEY])
+    if facts.get("schema") != SCHEMA_VERSION:
         raise RequestError(
-            f"'{path}' is of record version {version}, not {SCHEMA_VERSION}; give another folder with --results."
+            f"'{path}' is of record version {facts.get('schema')}, not {SCHEMA_VERSION}; give another folder with "
+            "--results."
         )
-    return bytes(metadata[METADATA_KEY])
+    return facts
+
+
+def _is_current(values: dict[str, Any], key: str) -> bool:
+    try:
+        return trial_key(_spec_from(values)) == key
+    except (OSError, SyntaxError, RequestError):
+        return False  # a plugin's file that is gone or broken, a constant that is no more
+
+
+def _record(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
+    columns = shard.read([*STEP_COLUMNS, *FINAL_COLUMNS], use_threads=False)
+    arrays = {name: columns[name].to_numpy() for name in columns.column_names}
+    world, scenario = facts["world"], facts["spec"]["scenario"]
+    cells = int(scenario["size"] / scenario["cell_size"] + 0.5)
+    obstacles = np.zeros(cells * cells, dtype=bool)
+    obstacles[world["obstacles"]] = True
+    return TrialRecord(
+        spec=_spec_from(facts["spec"]),
+        status=facts["status"],
+        reason=facts["reason"],
+        steps={name: arrays[name] for name in STEP_COLUMNS},
+        final={name: arrays[name] for name in FINAL_COLUMNS},
+        world=World(
+            obstacles.reshape(cells, cells),
+            np.array(world["landmarks"], dtype=float).reshape(-1, 2),
+            (world["start"][0], world["start"][1], world["start"][2]),
+            scenario["cell_size"],
+        ),
+        transient=facts["transient"],
+    )
 
 
 def _name(scenario: Scenario | None) -> str:
