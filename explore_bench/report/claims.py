@@ -14,8 +14,8 @@ from explore_bench.report.style import entry_of
 from explore_bench.report.tables import Scope, Table, interval_text, number_text
 
 HEADER = (
-    *("claimed better", "than", "metric", "size [m]", "n", "means", "difference", "relative [%]"),
-    *("p", "p, Holm", "d_z", "P(better)", "seeds", "single seeds", "verdict"),
+    *("claimed better", "than", "metric", "size [m]", "verdict", "n", "means", "difference", "relative [%]"),
+    *("p", "p, Holm", "d_z", "P(better)", "seeds", "single seeds"),
 )
 NOTE = (
     "Difference: mean of A − B over n worlds that both tried [95 % BCa bootstrap interval], training seeds averaged "
@@ -39,7 +39,7 @@ def examined(trials: pd.DataFrame) -> dict[Claim, list[Finding]]:
 
 def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
     """Write claims.md and claims.json; returns the files."""
-    page = [f"# Do the claims hold?\n\n{INTRODUCTION}\n", overview(found).markdown()]
+    page = [f"# Do the claims hold?\n\n{INTRODUCTION}\n\n{NOTE}\n", overview(found).markdown()]
     for claim, findings in found.items():
         page.append(f"## Claim ({claim.name}): {verdict(findings)}\n\n{claim.statement} {summary(findings)}\n")
         page.append(comparison_table(claim, findings).markdown())
@@ -54,7 +54,7 @@ def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
 def claims_section(found: dict[Claim, list[Finding]]) -> Section:
     """Return the claims as a part of the page."""
     tables = [comparison_table(claim, findings) for claim, findings in found.items()]
-    return Section("Do the paper's claims hold?", (INTRODUCTION,), (overview(found), *tables))
+    return Section("Do the paper's claims hold?", (INTRODUCTION, NOTE), (overview(found), *tables))
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:
@@ -74,7 +74,7 @@ def comparison_table(claim: Claim, findings: list[Finding]) -> Table:
     """Every comparison of a claim with its numbers."""
     asked = [finding.comparison for finding in findings]
     scopes = tuple(Scope((own.better, own.worse), own.size) for own in asked)
-    return Table(f"Claim ({claim.name}): {claim.statement}", HEADER, tuple(map(_row, findings)), NOTE, scopes)
+    return Table(f"Claim ({claim.name}): {claim.statement}", HEADER, tuple(map(_row, findings)), scopes=scopes)
 
 
 def _row(finding: Finding) -> tuple[str, ...]:
@@ -82,11 +82,12 @@ def _row(finding: Finding) -> tuple[str, ...]:
     names = entry_of(asked.better).label, entry_of(asked.worse).label
     size = "training" if asked.size is None else f"{asked.size:g}"
     if not finding.n:
-        return (*names, metric.symbol, size, "0", *["–"] * 9, finding.verdict)
+        return (*names, metric.symbol, size, finding.verdict, "0", *["–"] * 9)
     return (
         *names,
         metric.symbol,
         size,
+        finding.verdict,
         str(finding.n),
         " / ".join(number_text(mean, mean) for mean in finding.means),
         interval_text(finding.difference),
@@ -99,7 +100,6 @@ def _row(finding: Finding) -> tuple[str, ...]:
             f"{number_text(low, low)}–{number_text(high, high)}" if count > 1 else "–"
             for (low, high), count in zip(finding.ranges, finding.seeds, strict=True)
         ),
-        finding.verdict,
     )
 
 
