@@ -55,6 +55,9 @@ def entry_of(name: str) -> Entry:
 def save_all(figure: Figure | None, stem: Path) -> list[Path]:
     """Write a figure as SVG and PNG and return the files; without one, remove what an earlier report left."""
     files = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
+    if figure is not None and (layout := figure.get_layout_engine()):
+        layout.execute(figure)  # once for both files: it takes as long as drawing one
+        figure.set_layout_engine("none")
     for file in files:
         if figure is None:
             file.unlink(missing_ok=True)
