@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from explore_bench.metrics import METRICS
-from explore_bench.report.style import entry_of, save_all, styled
+from explore_bench.report.style import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import (
     PAPER_METRICS,
     Scope,
@@ -117,6 +117,7 @@ def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
             axes.step(times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=shown_name(name))
         axes.set(xlabel="step", title=f"trials below {coverage:.0%} of the map", ylim=(0, 1.02))
         axes.set_xscale("log")
+        plain_log(axes.xaxis)
     grid[0].set_ylabel("share of trials")
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(own)), fontsize=8)

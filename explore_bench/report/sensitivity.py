@@ -9,11 +9,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from explore_bench.metrics import METRICS
 from explore_bench.report.aggregates import COMPARED
-from explore_bench.report.style import entry_of, save_all, styled
+from explore_bench.report.style import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, shown_name
 from explore_bench.results import by_world
 from explore_bench.scenario import PAPER
@@ -112,9 +111,7 @@ def sensitivity_figure(trials: pd.DataFrame) -> Figure | None:
             grid[-1, column].set_xticks([0, 1], ["off", "on"])
     for row, metric in enumerate(PAPER_METRICS):
         grid[row, 0].set_ylabel(heading(METRICS[metric]))
-        grid[row, 0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        grid[row, 0].yaxis.set_major_formatter("{x:g}")
-        grid[row, 0].yaxis.set_minor_formatter(NullFormatter())
+        plain_log(grid[row, 0].yaxis)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)), fontsize=8)
     figure.suptitle("Means over worlds while one constant changes", fontsize=10)

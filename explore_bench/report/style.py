@@ -13,7 +13,9 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.registry import plugin_entry, strategies
@@ -50,6 +52,13 @@ def styled() -> Iterator[None]:
 def entry_of(name: str) -> Entry:
     """Entry of a strategy, also of one whose plugin is no longer registered."""
     return strategies().get(name) or plugin_entry(f"unknown:{name}" if name.isidentifier() else "unknown:x", name)
+
+
+def plain_log(axis: Axis) -> None:
+    """Mark a logarithmic axis at 1, 2 and 5 times the powers of ten, in plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def save_all(figure: Figure | None, stem: Path) -> list[Path]:

@@ -36,13 +36,14 @@ def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
         for name, own in curves.items():
             entry = strategies()[name]
             steps, values = on_one_axis(own, column)
+            steps = steps / 1000
             seeds = f" ({len(own)} seeds)" if len(own) > 1 else ""
             axes.plot(steps, np.nanmean(values, axis=0), color=entry.color, linewidth=1.2, label=entry.label + seeds)
             if len(own) > 1:
                 axes.fill_between(
                     steps, np.nanmin(values, axis=0), np.nanmax(values, axis=0), color=entry.color, alpha=0.15, lw=0
                 )
-        axes.set(xlabel="simulated steps", title=label)
+        axes.set(xlabel="simulated steps [thousand]", title=label)
         axes.set_xlim(left=0)
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))

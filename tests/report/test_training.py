@@ -140,7 +140,7 @@ def test_a_line_per_strategy_in_its_colour_and_a_panel_per_measure(ship, drawn):
             line = panel.lines[entry.label]
             assert to_hex(line.get_color()) == entry.color
             steps, values = on_one_axis([STRAIGHT], column)
-            assert np.array(line.get_xdata()) == pytest.approx(steps)
+            assert 1000 * np.array(line.get_xdata()) == pytest.approx(steps)
             assert np.array(line.get_ydata()) == pytest.approx(values[0])
 
 
