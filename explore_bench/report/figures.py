@@ -134,7 +134,7 @@ def _curves(groups: Groups, size: float) -> Figure:
             axes.set_ylim(0, 1)
         elif name == "exploration_efficiency":  # it starts at infinity
             early = [line.get_ydata()[min(max(length // 8, 1), length - 1)] for line in axes.get_lines()]
-            axes.set_ylim(0, 1.1 * max((value for value in early if math.isfinite(value)), default=1.0))
+            axes.set_ylim(0, 1.1 * max((value for value in early if math.isfinite(value) and value > 0), default=1.0))
         below = grid[1, column]
         for strategy, values in ends.items():
             running = (values[:, None] > step).mean(axis=0) * _worlds(groups[strategy])
