@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -30,6 +31,9 @@ from explore_bench.trial import TrialResult
 
 METADATA_KEY = b"explore_bench"
 PROTOCOL_FILE = "protocol.json"
+ABANDONED_SECONDS = 3600.0
+"""A file half written for so long is that of a process that was killed."""
+
 _PROTOCOL = {"root": "root seed", "purpose": "purpose", "scenario": "scenario"}
 
 
@@ -101,6 +105,7 @@ class Store:
             file = self.runs / PROTOCOL_FILE
             if not file.exists():
                 _write_atomically(file, json.dumps(protocol).encode())
+            _remove_abandoned(self.runs)
         except OSError as error:
             raise RequestError(
                 f"results folder '{self.folder}' cannot be written ({error.strerror}); give another with --results."
@@ -331,6 +336,13 @@ def _write_atomically(path: Path, content: bytes) -> None:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove what killed processes had half written; files of others that write now are younger."""
+    for half in folder.glob(".*"):
+        if time.time() - half.stat().st_mtime > ABANDONED_SECONDS:
+            half.unlink(missing_ok=True)
 
 
 def missing(store: Store, specs: Sequence[TrialSpec]) -> Iterator[TrialSpec]:

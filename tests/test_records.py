@@ -545,3 +545,14 @@ def test_the_scenario_of_a_record_is_equal_to_the_one_that_ran(stored):
     assert record.spec.scenario == stored.specs[0].scenario
     assert hash(record.spec.scenario) == hash(stored.specs[0].scenario)
     assert trial_key(record.spec) == trial_key(stored.specs[0])
+
+
+def test_what_a_killed_process_had_half_written_is_removed_later_and_what_is_being_written_is_not(own_store):
+    old, young = (own_store.runs / f".{name}.parquet.0123" for name in ("old", "young"))
+    for half in (old, young):
+        half.write_bytes(b"PAR1")
+    an_hour_ago = old.stat().st_mtime - 3601.0
+    os.utime(old, (an_hour_ago, an_hour_ago))
+    own_store.open(0, "evaluate", TINY)
+    assert not old.exists()
+    assert young.exists()

@@ -245,7 +245,6 @@ def test_two_workers_that_are_interrupted_keep_what_is_done(store):
     assert all(store.has(spec) for spec in interrupt.seen)
     complete(list(missing(store, specs)), store, 1, "sequential")
     assert list(missing(store, specs)) == []
-    assert not list(store.runs.glob(".*")), "no temporary file is left"
 
 
 # Strategies that fail
