@@ -69,7 +69,8 @@ def page(browser, report):
 def look(browser, width, height, scheme="light", media=""):
     metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    still = {"name": "prefers-reduced-motion", "value": "reduce"}  # no scrolling that goes on while a test looks
+    features = [{"name": "prefers-color-scheme", "value": scheme}, still]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": features})
 
 
