@@ -30,14 +30,21 @@ def endings_table(records: Sequence[TrialRecord]) -> Table:
     return Table(title, header, tuple(rows), scopes=tuple(scopes))
 
 
-def gaps(trials: pd.DataFrame) -> list[str]:
-    """Sentences on strategies of the paper's tables without trials, and on worlds that not all of them tried."""
+def gaps(trials: pd.DataFrame, stale: int = 0) -> list[str]:
+    """Sentences on what a reader does not see here.
+
+    Strategies of the paper's tables without trials, worlds that not all of them tried, and how many stored trials are
+    left out as `stale`.
+    """
     tried = set(trials["strategy"])
     listed = {name: entry for name, entry in strategies().items() if set(entry.tables) & PAPER_TABLES.keys()}
     absent = [name for name in listed if name not in tried]
     untrained = [entry_of(name).label for name in absent if not listed[name].ready]
     unrun = [entry_of(name).label for name in absent if listed[name].ready]
     found = []
+    if stale:
+        what = "stored trial was" if stale == 1 else "stored trials were"
+        found.append(f"{stale} {what} run by older code or libraries and not counted; run the suite again.")
     if unrun:
         found.append(f"Not run: {'; '.join(unrun)}.")
     if untrained:

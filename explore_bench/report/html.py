@@ -55,6 +55,7 @@ class Content:
     tables : as written in the folder's tables.
     figures : files in SVG.
     sections : parts of their own, in this order.
+    stale : stored trials of older code, which are left out.
     """
 
     store: Store
@@ -63,6 +64,7 @@ class Content:
     tables: Sequence[Table]
     figures: Sequence[Path] = ()
     sections: Sequence[Section] = ()
+    stale: int = 0
 
 
 def write_page(content: Content, path: Path) -> Path:
@@ -89,7 +91,7 @@ def render_page(content: Content) -> str:
         script=Markup(_text("player.js")),
         summary=_summary(content.records, names),
         scenario=content.records[0].spec.scenario,
-        gaps=gaps(content.trials),
+        gaps=gaps(content.trials, content.stale),
         sections=content.sections,
         strategies=[{"label": shown_name(name), "color": entry_of(name).color} for name in names],
         sizes=[f"{size:g}" for size in sorted({record.spec.scenario.size for record in content.records})],

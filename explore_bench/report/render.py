@@ -50,11 +50,11 @@ def write_report(folder: Path) -> Report:
         if trials["scenario"].nunique() > 1:  # a mean over different physics would mean nothing
             files += write_sensitivity(trials, folder)
         else:
-            files += _write_all(store, records, trials, folder)
+            files += _write_all(store, records, trials, stale, folder)
     return Report(tuple(files), len(records), stale)
 
 
-def _write_all(store: Store, records: list[TrialRecord], trials: pd.DataFrame, folder: Path) -> list[Path]:
+def _write_all(store: Store, records: list[TrialRecord], trials: pd.DataFrame, stale: int, folder: Path) -> list[Path]:
     """Write everything but trials.csv of a folder with one set of physical constants."""
     summary, found = summary_table(trials), examined(trials)
     files = [_write_csv(summary, folder / "summary.csv"), *write_claims(found, folder)]
@@ -64,7 +64,7 @@ def _write_all(store: Store, records: list[TrialRecord], trials: pd.DataFrame, f
     files += write_survival_figures(trials, folder / "figures")
     files += write_training_figures(folder / "figures")
     drawn = [file for file in files if file.suffix == ".svg"]
-    page = Content(store, records, trials, tuple(tables.values()), drawn, (claims_section(found),))
+    page = Content(store, records, trials, tuple(tables.values()), drawn, (claims_section(found),), stale)
     return [*files, write_page(page, folder / "report.html")]
 
 

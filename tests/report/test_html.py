@@ -285,6 +285,13 @@ def test_unequal_sets_of_worlds_are_said():
     assert not [line for line in gaps(trial_table(own)) if "lacks" in line]
 
 
+@pytest.mark.parametrize(("stale", "words"), [(1, "1 stored trial was"), (7, "7 stored trials were")])
+def test_trials_of_older_code_are_left_out_and_counted(content, stale, words):
+    text = render_page(dataclasses.replace(content, stale=stale))
+    assert f"{words} run by older code or libraries and not counted" in text
+    assert "older code" not in render_page(content)
+
+
 def test_every_trial_that_did_not_explore_has_a_row_with_its_reason():
     records = [
         record(uncertainty=[200.0, 50.0]),
