@@ -82,7 +82,8 @@ def importers(library, files):
 def test_the_walk_finds_what_is_there():
     """A walk that saw nothing would prove nothing."""
     assert "explore_bench.slam.belief" in modules("explore_bench.steps", CORE["explore_bench.steps"])
-    assert "explore_bench.runner" in modules("explore_bench.cli", CORE["explore_bench.cli"]), "inside a function"
+    command = "explore_bench.commands.run"
+    assert "explore_bench.runner" in modules(command, CORE[command]), "inside a function"
     assert "explore_bench.records" not in modules("explore_bench.metrics", CORE["explore_bench.metrics"]), "a type"
     assert "explore_bench.records" in modules("explore_bench.metrics", CORE["explore_bench.metrics"], types_too=True)
     assert {"baselines", "baselines.nearest", "baselines.learned.graph", "baselines.training.train"} <= OURS.keys()

@@ -13,7 +13,8 @@ from explore_bench.errors import RequestError
 from explore_bench.geometry import Array, Pose, centre_of, centres
 from explore_bench.scenario import Scenario
 
-MAX_DRAWS = 10_000
+MAX_DRAWS = 100_000
+"""Twice the obstacles at 20 m take 2,500 draws on average."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def draw_world(scenario: Scenario, rng: np.random.Generator) -> World:
 
     Raises
     ------
-    RequestError : when 10,000 draws gave no connected world.
+    RequestError : when 100,000 draws gave no connected world.
     """
     n, cell_size = scenario.cells, scenario.cell_size
     for _ in range(MAX_DRAWS):

@@ -1,0 +1,49 @@
+"""`demo`: one trial to look at."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import click
+
+from explore_bench.commands import DONE, NO, results_option, root_option, scenario_option
+from explore_bench.errors import RequestError
+
+MAX_WORLDS = 100_000
+
+
+@click.command()
+@click.argument("strategy")
+@click.option("--size", type=float, metavar="M", help="Edge of the map [m] (default: the scenario's, or 20).")
+@click.option(
+    "--trial",
+    type=click.IntRange(0, MAX_WORLDS),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Number of the world.",
+)
+@root_option
+@scenario_option
+@click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="A .png, .svg, .gif or .html.")
+@results_option
+def demo(
+    strategy: str, size: float | None, trial: int, seed: int, scenario: str | None, output: Path | None, results: Path
+) -> int:
+    """Run one trial of STRATEGY and draw it: a picture of its end, every decision (.gif), or a player (.html)."""
+    from explore_bench.report.demo import draw_trial
+    from explore_bench.scenario import load_scenario
+    from explore_bench.suites import plan
+
+    physics = load_scenario(scenario) if scenario else None
+    asked = plan("smoke", [strategy], [] if size is None else [size], 1, seed, physics, Path(scenario or "paper").name)
+    if not asked.specs:
+        raise RequestError(f"strategy '{strategy}' is not trained; choose one that 'explore-bench list' calls ready.")
+    spec = dataclasses.replace(asked.specs[0], trial=trial)
+    size = spec.scenario.size
+    path = output or results / f"demo-{spec.strategy}-{size:g}m-{trial}.gif"
+    record = draw_trial(spec, path)
+    steps = record.steps["step"][-1]
+    click.echo(f"{spec.strategy}, {size:g} m, world {trial}: {record.status} after {steps} steps; {path}")
+    return NO if record.status == "failed" else DONE

@@ -1,0 +1,141 @@
+"""`run`: what is missing of a suite."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from explore_bench.commands import DONE, INCOMPLETE, NO, results_option, root_option, scenario_option
+from explore_bench.errors import RequestError
+
+if TYPE_CHECKING:
+    from explore_bench.scenario import Scenario
+    from explore_bench.spec import Outcome
+    from explore_bench.suites import Plan
+
+
+@click.command()
+@click.argument("suite")
+@click.option("-s", "--strategy", "names", multiple=True, metavar="STRATEGY", help="Not the suite's; repeatable.")
+@click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")
+@click.option("--trials", type=int, metavar="N", help="Worlds a size.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
+@click.option("--backend", type=click.Choice(["loky", "sequential"]), default="loky", show_default=True)
+@click.option("--timeout", type=click.FloatRange(0, 1e6, min_open=True), default=600.0, show_default=True, metavar="S")
+@scenario_option
+@root_option
+@results_option
+@click.option("--dry-run", is_flag=True, help="Print the plan and stop.")
+def run(
+    suite: str,
+    names: tuple[str, ...],
+    sizes: tuple[float, ...],
+    trials: int | None,
+    workers: int | None,
+    backend: str,
+    timeout: float,
+    scenario: str | None,
+    seed: int,
+    results: Path,
+    dry_run: bool,
+) -> int:
+    """Run what is missing of SUITE and write trials.csv; an interrupted run goes on where it stopped."""
+    from explore_bench.suites import plan
+
+    if math.isnan(timeout):
+        raise RequestError("timeout is nan; give the seconds that one trial may take.")
+    physics = None
+    if scenario is not None:
+        from explore_bench.scenario import load_scenario
+
+        physics = load_scenario(scenario)
+    asked = plan(suite, names, sizes, trials, seed, physics, Path(scenario or "paper").name)
+    if not asked.specs:
+        click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
+        return INCOMPLETE
+    return _run(asked, physics, results, seed, workers, backend, timeout, dry_run)
+
+
+def _run(
+    asked: Plan,
+    physics: Scenario | None,
+    results: Path,
+    seed: int,
+    workers: int | None,
+    backend: str,
+    timeout: float,
+    dry_run: bool,
+) -> int:
+    from explore_bench import runner
+    from explore_bench.records import Store, missing
+    from explore_bench.results import expected_seconds, select
+    from explore_bench.scenario import PAPER
+
+    runner.check_runnable(asked.specs)
+    store = Store(results)
+    if not dry_run or store.exists():
+        store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
+    to_do = list(missing(store, asked.specs))
+    workers = workers or runner.default_workers()
+    stored = len(asked.specs) - len(to_do)
+    click.echo(
+        f"plan: {len(asked.specs)} trials, {stored} stored, {len(to_do)} to do with {workers} workers"
+        + (f", about {_duration(expected_seconds(store.folder, to_do) / workers)}" if to_do else "")
+    )
+    if asked.untrained:
+        click.echo(f"not trained: {', '.join(asked.untrained)}")
+    if dry_run:
+        return DONE
+    try:
+        with Progress(len(to_do)) as advance:
+            table = runner.complete(to_do, store, workers, backend, timeout, advance)
+    except runner.IncompleteError as error:
+        click.echo(f"explore-bench: incomplete: {error}.", err=True)
+        return INCOMPLETE
+    failed = int((select(table, asked.specs)["status"] == "failed").sum())
+    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed} of those asked for failed")
+    return NO if failed else DONE
+
+
+class Progress:
+    """Progress bar on a terminal, a line every tenth elsewhere; failures are printed as they come."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._done = total, 0
+        self._bar: Any = None
+        if total and sys.stderr.isatty():
+            from rich import progress
+            from rich.console import Console
+
+            columns = (progress.TextColumn("trials"), progress.BarColumn(), progress.MofNCompleteColumn())
+            self._bar = progress.Progress(*columns, progress.TimeRemainingColumn(), console=Console(stderr=True))
+            self._task = self._bar.add_task("trials", total=total)
+
+    def __enter__(self) -> Callable[[Outcome], None]:
+        if self._bar:
+            self._bar.start()
+        return self._advance
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def _advance(self, outcome: Outcome) -> None:
+        self._done += 1
+        if outcome.status.value in ("failed", "stuck"):
+            spec = outcome.spec
+            place = f"{spec.strategy}, {spec.scenario.size:g} m, world {spec.trial}"
+            click.echo(f"{outcome.status.value}: {place}: {outcome.reason}", err=True)
+        if self._bar:
+            self._bar.advance(self._task)
+        elif self._done == self._total or self._done % max(self._total // 10, 1) == 0:
+            click.echo(f"{self._done} of {self._total} trials", err=True)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
