@@ -24,6 +24,7 @@ from torch import Tensor, nn
 
 from baselines.learned.candidates import CandidateBatch
 from baselines.learned.checkpoint import load_weights
+from baselines.learned.graph import ExplorationGraph, exploration_graph
 from baselines.learned.graph_stnn import GraphSTNN
 from baselines.learned.graph_stnn_plus import CHANNELS, GraphSTNNPlus
 from baselines.learned.layers import GraphBatch, Noise, NoisyLinear
@@ -93,6 +94,21 @@ VARIANTS: dict[str, train.Recipe] = {
 }
 
 
+def entropy_by_distance(seen: ExplorationGraph) -> np.ndarray:
+    """H_γ / (d + 5 m) of each candidate, shape (C,); both come in tens."""
+    distance, entropy = seen.features[-seen.candidates :].T
+    return entropy / (distance + 0.5)
+
+
+Rule = Callable[[ExplorationGraph], np.ndarray]
+RULES: dict[str, tuple[tuple[str, str], Rule]] = {
+    "least d": (("distance", "shannon"), lambda seen: -seen.features[-seen.candidates :, 0]),
+    "most H_γ / (d + 5 m)": (("distance", "shannon"), entropy_by_distance),
+    "most H_γ / (d + 5 m), d along the path": (("path_length", "shannon"), entropy_by_distance),
+}
+"""Rules without learning on features of Eq. 4: columns, and what a candidate is worth."""
+
+
 def learned(name: str, recipe: train.Recipe, out: Path) -> dict[str, object]:
     """Train a variant and let its best weights play."""
     entry = dataclasses.replace(strategies()["graph-stnn"], factory="learning_causes:none", parameters={})
@@ -122,6 +138,16 @@ def untrained(name: str) -> dict[str, object]:
     return {"variant": f"`{name}`", "episodes": 0} | scores(episodes)
 
 
+def ruled(name: str) -> dict[str, object]:
+    """Let a rule without learning play."""
+    columns, worth = RULES[name]
+
+    def act(waiting: list[int], observations: list[Observation]) -> list[int]:
+        return [int(worth(exploration_graph(observation, columns)).argmax()) for observation in observations]
+
+    return {"variant": name, "episodes": 0} | scores(lambda course, count: play(course, range(count), act))
+
+
 def scores(episodes: Callable[[Course, int], list[Episode]]) -> dict[str, object]:
     """Mean T, η, e and log e − log η of episodes at each size."""
     row: dict[str, object] = {}
@@ -141,7 +167,7 @@ def main() -> None:
     parser.add_argument("variants", nargs="*", metavar="VARIANT", default=list(VARIANTS))
     asked = parser.parse_args()
     rows = [learned(name, VARIANTS[name], asked.out) for name in asked.variants]
-    table = pd.DataFrame([*rows, *map(untrained, UNTRAINED)])
+    table = pd.DataFrame([*rows, *map(ruled, RULES), *map(untrained, UNTRAINED)])
     table.to_csv(Path(__file__).with_name("learning-causes.csv"), index=False, float_format="%.4g")
     print(table.to_string(index=False))
 

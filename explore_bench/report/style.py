@@ -32,7 +32,7 @@ SETTINGS: Any = {
     "font.size": 9,
     "grid.alpha": 0.25,
     "legend.frameon": False,
-    "savefig.dpi": 150,
+    "savefig.dpi": 120,
     "svg.fonttype": "path",
     "svg.hashsalt": "explore-bench",
     "text.parse_math": False,  # a label may hold dollar signs
