@@ -36,6 +36,7 @@ class Clairvoyant:
         """Begin a trial in a world that is known; there is nothing to draw."""
         n, size = world.cells, world.cell_size
         self._obstacles = world.obstacles.reshape(-1).copy()
+        self._uncounted = world.uncounted.copy()
         self._landmarks = world.landmarks.copy()
         self._landmark_cells = np.array([cell_of(x, y, n, size) for x, y in world.landmarks], dtype=np.int64)
         self._view: NDArray[np.int64] | None = None
@@ -45,11 +46,14 @@ class Clairvoyant:
         scenario, belief = observation.scenario, observation.belief
         if self._view is None:
             self._view = views(scenario)
+        known = belief.known.reshape(-1).copy()
+        known[self._uncounted] = True  # as good as known: nobody has to see them
+        counted = scenario.cell_count - len(self._uncounted)
         seen = np.zeros(len(self._landmarks), dtype=bool)
         seen[belief.landmark_ids] = True
         starts = np.cumsum([0] + [len(path) for path in observation.paths])
         return _plan(
-            belief.known.reshape(-1).copy(),
+            known,
             seen,
             observation.pose[2],
             np.concatenate(observation.paths),
@@ -61,7 +65,7 @@ class Clairvoyant:
             (scenario.cells, scenario.cell_size, scenario.sensor_range),
             (scenario.step_length, math.radians(scenario.turn_threshold_deg)),
             (scenario.candidates_per_robot, scenario.candidates_per_landmark),
-            math.ceil(scenario.coverage * scenario.cell_count - 1e-9),
+            len(self._uncounted) + math.ceil(scenario.coverage * counted - 1e-9),
             self.beam,
             self.metres_per_cell / scenario.step_length,
         )

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from explore_bench.errors import RequestError
     from explore_bench.runner import run
-    from explore_bench.scenario import Scenario, load_scenario
+    from explore_bench.scenario import Scenario
+    from explore_bench.scenario_file import load_scenario
     from explore_bench.simulator.world import World
     from explore_bench.spec import TrialSpec
     from explore_bench.strategy import Entry, Observation, Reference, Strategy
@@ -27,7 +28,7 @@ _HOME = {
     "Strategy": "strategy",
     "TrialSpec": "spec",
     "World": "simulator.world",
-    "load_scenario": "scenario",
+    "load_scenario": "scenario_file",
     "rollout": "trial",
     "run": "runner",
     "run_trial": "trial",

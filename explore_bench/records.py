@@ -22,7 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from explore_bench.errors import RequestError, writing
-from explore_bench.provenance import forget_code, spec_values, trial_key
+from explore_bench.provenance import forget_code, scenario_digest, spec_values, trial_key
 from explore_bench.scenario import PAPER, Scenario
 from explore_bench.simulator.world import World
 from explore_bench.spec import TrialSpec
@@ -236,6 +236,7 @@ def _table(result: TrialResult) -> pa.Table:
             "obstacles": np.flatnonzero(result.world.obstacles).tolist(),
             "landmarks": result.world.landmarks.tolist(),
             "start": list(result.world.start),
+            "uncounted": result.world.uncounted.tolist(),
         },
     }
     schema = _schema().with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
@@ -307,6 +308,7 @@ def _record(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
             np.array(world["landmarks"], dtype=float).reshape(-1, 2),
             (world["start"][0], world["start"][1], world["start"][2]),
             scenario["cell_size"],
+            np.array(world["uncounted"], dtype=np.int64),
         ),
         transient=facts["transient"],
     )
@@ -319,6 +321,8 @@ def _name(scenario: Scenario | None) -> str:
     differs = {
         key: value for key, value in scenario.model_dump(exclude={"size"}).items() if value != getattr(PAPER, key)
     }
+    if scenario.map is not None:
+        differs["map"] = scenario_digest(Scenario(map=scenario.map))
     return ", ".join(f"{key}={value}" for key, value in differs.items()) or "paper"
 
 

@@ -134,7 +134,8 @@ def _alone(spec: TrialSpec, store: Store, backend: str, timeout: float) -> Outco
 
 def warm_up(spec: TrialSpec) -> None:
     """Compile and cache the harness's kernels in this process, lest each worker compile its own."""
-    tiny = spec.scenario.replace(size=spec.scenario.cell_size * 5, landmark_count=2, obstacle_count=1, coverage=1.0)
+    size = spec.scenario.cell_size * 5
+    tiny = spec.scenario.replace(map=None, size=size, landmark_count=2, obstacle_count=1, coverage=1.0)
     run_trial(TrialSpec("warm-up", "explore_bench.runner:WarmUp", tiny, trial=0, purpose="calibrate"))
 
 
@@ -201,7 +202,8 @@ def run(
     IncompleteError : where the run ended early.
     """
     from explore_bench.results import select
-    from explore_bench.scenario import PAPER, Scenario, load_scenario
+    from explore_bench.scenario import PAPER, Scenario
+    from explore_bench.scenario_file import load_scenario
     from explore_bench.suites import plan
 
     if backend not in BACKENDS:

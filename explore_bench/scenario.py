@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from explore_bench.errors import RequestError, unknown
+from explore_bench.site import OBSTACLE, edge_of, site_of
 
 Positive = Annotated[float, Field(ge=1e-9, le=1e6, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
@@ -26,6 +25,9 @@ class Scenario(BaseModel):
     """The world's statistics, the robot's body, noise and sensor, the map's and the protocol's constants.
 
     Lengths are metres; names that end in `_deg` are degrees. Instances are immutable and hashable by value.
+
+    With a `map` of its own the world is not drawn: `size` follows from it, obstacle settings do not apply, and the
+    number of landmarks is an upper bound (there may be less room).
 
     Raises
     ------
@@ -41,6 +43,9 @@ class Scenario(BaseModel):
     landmark_count: int | None = Field(None, ge=0, description="landmarks, instead of the density")
     obstacle_density: NonNegative = Field(2.0, description="one-cell obstacles per cell of edge (calibrated)")
     obstacle_count: int | None = Field(None, ge=0, description="obstacles, instead of the density")
+    map: tuple[str, ...] | None = Field(
+        None, description="rows of a given map, north first: # obstacle, . free, ? or blank unknown, S start (ours)"
+    )
 
     # Sensor
     sensor_range: Positive = Field(5.0, description="range of the 360° sensor [m] (§4.1)")
@@ -94,13 +99,34 @@ class Scenario(BaseModel):
         except ValidationError as error:
             raise _as_request_error(error) from None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _measure(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """Take the rows of a map as a tuple, and the size that they give where none is set."""
+        rows, cell_size = values.get("map"), values.get("cell_size", cls.model_fields["cell_size"].default)
+        if isinstance(rows, str):
+            raise ValueError(f"map {rows!r} is no list of rows; name a file in a scenario file or with --map")
+        if not isinstance(rows, list | tuple):
+            return values
+        values = {**values, "map": tuple(rows)}
+        if all(isinstance(row, str) for row in rows) and isinstance(cell_size, int | float):
+            if not edge_of(values["map"]):
+                raise ValueError("the map is empty; draw at least two free cells side by side")
+            values.setdefault("size", float(edge_of(values["map"]) * cell_size))
+        return values
+
     @model_validator(mode="after")
     def _check(self) -> Scenario:
+        if self.map is not None and self.cells != edge_of(self.map):
+            own = edge_of(self.map) * self.cell_size
+            raise ValueError(f"size {self.size:g} m is not that of the map, {own:g} m; leave it out")
         if abs(self.size / self.cell_size - round(self.size / self.cell_size)) > 1e-9:
             raise ValueError(f"size {self.size:g} m is no multiple of cell_size {self.cell_size:g} m")
         if not 4 <= self.cell_count <= MAX_CELLS:
             raise ValueError(f"size {self.size:g} m gives {self.cell_count} cells; keep it from 4 to {MAX_CELLS}")
-        if self.obstacles + self.landmarks >= self.cell_count:
+        if self.map is not None:
+            site_of(self.map)
+        elif self.obstacles + self.landmarks >= self.cell_count:
             raise ValueError(
                 f"{self.obstacles} obstacles and {self.landmarks} landmarks leave no free cell among "
                 f"{self.cell_count}; lower a density or a count"
@@ -129,14 +155,24 @@ class Scenario(BaseModel):
 
     @property
     def landmarks(self) -> int:
-        """Landmarks of a world: the count, or the density times the area, rounded half up."""
-        if self.landmark_count is not None:
-            return self.landmark_count
-        return math.floor(self.landmark_density * self.cell_count / 100 + 0.5)
+        """Landmarks of a world: the count, or the density times the cells that count, rounded half up.
+
+        A given map may hold fewer: each takes a cell that can be reached, and two stay open.
+        """
+        area, room = self.cell_count, None
+        if self.map is not None:
+            site = site_of(self.map)
+            area, room = int(site.counted.sum()), int(site.reachable.sum()) - 2
+        wanted = self.landmark_count
+        if wanted is None:
+            wanted = math.floor(self.landmark_density * area / 100 + 0.5)
+        return wanted if room is None else min(wanted, room)
 
     @property
     def obstacles(self) -> int:
-        """Obstacle cells of a world: the count, or the density times the edge, rounded half up."""
+        """Obstacle cells of a world: the map's; else the count, or the density times the edge, rounded half up."""
+        if self.map is not None:
+            return sum(row.count(OBSTACLE) for row in self.map)
         if self.obstacle_count is not None:
             return self.obstacle_count
         return math.floor(self.obstacle_density * self.cells + 0.5)
@@ -151,12 +187,21 @@ class Scenario(BaseModel):
         """U₀ = 2 σ₀² n_g [m²], the uncertainty of a map never seen (Eq. 1)."""
         return 2.0 * self.virtual_sigma**2 * self.cell_count
 
+    @property
+    def blind(self) -> Scenario:
+        """The constants that the robot may know: all but a given map."""
+        if self.map is None:
+            return self
+        return self.replace(map=None, landmark_count=self.landmarks, obstacle_count=0)
+
     def replace(self, /, **changes: Any) -> Scenario:
         """Copy of the scenario with some constants changed, validated anew.
 
-        A density takes the place of a count that was set before, and the other way round.
+        A density takes the place of a count that was set before, and the other way round; the size follows the map.
         """
         kept = self.model_dump(exclude_unset=True)
+        if changes.get("map", self.map) is not None:
+            kept.pop("size", None)
         for kind in ("landmark", "obstacle"):
             for given, other in (("density", "count"), ("count", "density")):
                 if f"{kind}_{given}" in changes:
@@ -187,39 +232,6 @@ SCENARIOS: dict[str, tuple[Scenario, str]] = {
         "Chen et al. 2020 [8]: 40 m, 6 m range, 8 landmarks, no obstacles, 2 m steps, 85 %",
     ),
 }
-
-
-def load_scenario(name_or_file: str) -> Scenario:
-    """Scenario of a registered name or of a TOML file.
-
-    A file holds constants by name, and may start from a named scenario: `extends = "chen2020"` (default: paper).
-
-    Raises
-    ------
-    RequestError : for an unknown name, an unreadable or foreign file, an unknown key or a value out of range.
-    """
-    if name_or_file in SCENARIOS:
-        return SCENARIOS[name_or_file][0]
-    path = Path(name_or_file)
-    if path.suffix != ".toml":
-        raise unknown("scenario", name_or_file, SCENARIOS)
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise RequestError(f"scenario file '{path}' cannot be read ({reason}); give a TOML file.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RequestError(f"scenario file '{path}' is not TOML ({error}); write lines like size = 20.0.") from None
-    base = values.pop("extends", "paper")
-    if not isinstance(base, str) or base not in SCENARIOS:
-        raise unknown(f"scenario file '{path}': extends", str(base), SCENARIOS)
-    for kind in ("landmark", "obstacle"):
-        if {f"{kind}_density", f"{kind}_count"} <= values.keys():
-            raise RequestError(f"scenario file '{path}' gives {kind}_density and {kind}_count; give one of them.")
-    try:
-        return SCENARIOS[base][0].replace(**values)
-    except RequestError as error:
-        raise RequestError(f"scenario file '{path}': {error}") from None
 
 
 def _as_request_error(error: ValidationError) -> RequestError:

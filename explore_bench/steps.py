@@ -45,7 +45,7 @@ class Step(NamedTuple):
     uncertainty: Annotated[float, Column("float64", "m²", "U of Eq. 1")]
     peak_trace: Annotated[float, Column("float64", "m² + rad²", "largest tr Σ (3 × 3) of the trajectory, for Eq. 3")]
     peak_position_trace: Annotated[float, Column("float64", "m²", "the same of the position block (2 × 2)")]
-    explored: Annotated[float, Column("float64", "1", "known share of the map")]
+    explored: Annotated[float, Column("float64", "1", "known share of the cells that count towards coverage")]
     path_length: Annotated[float, Column("float64", "m", "length of the straight commands so far")]
     turned: Annotated[float, Column("float64", "rad", "sum of the magnitudes of the turns so far")]
     collisions: Annotated[int, Column("int32", "1", "entries of the true robot into obstacles or off the map")]

@@ -45,6 +45,8 @@ class Vehicle:
         self._sensor = Sensor(scenario, world, sensing)
         self._driver = Driver.of(scenario)
         self._truth = world.obstacles.reshape(-1)
+        self._counted = world.counted.reshape(-1)
+        self._count = int(self._counted.sum())
         self.smoother = Smoother(scenario, world.start, lap)
         self.smoother.update(None, self._sensor.scan(self._robot.pose))
 
@@ -52,6 +54,11 @@ class Vehicle:
     def known(self) -> NDArray[np.bool_]:
         """Cells observed, shape (n, n)."""
         return self.smoother.occupancy.known.reshape(self.scenario.cells, self.scenario.cells)
+
+    @property
+    def explored(self) -> float:
+        """Known share of the cells that count."""
+        return float(np.count_nonzero(self.smoother.occupancy.known & self._counted)) / self._count
 
     @property
     def own_cell(self) -> int:
@@ -72,7 +79,7 @@ class Vehicle:
 
     def status(self) -> Status | None:
         """How the trial ends now; None while it goes on."""
-        if self.smoother.explored >= self.scenario.coverage:
+        if self.explored >= self.scenario.coverage:
             return Status.EXPLORED
         if self.steps >= self.scenario.step_limit:
             return Status.STEP_LIMIT
@@ -128,7 +135,7 @@ class Vehicle:
                 *covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
                 smoother.virtual_map.uncertainty,
                 *smoother.peak_traces,
-                smoother.explored,
+                self.explored,
                 self._length,
                 self._turned,
                 self._robot.collisions,

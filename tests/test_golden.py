@@ -22,6 +22,7 @@ SCENARIO = {
     "cell_size": 2.0,
     "landmark_count": 2,
     "obstacle_count": 4,
+    "map": None,
     "sensor_range": 5.0,
     "min_landmark_range": 0.1,
     "bearing_sigma_deg": 0.5,

@@ -1,4 +1,4 @@
-"""The physical constants: the paper's counts, what is refused and how, and scenario files."""
+"""The physical constants: the paper's counts, what is refused and how."""
 
 import pickle
 
@@ -8,19 +8,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from explore_bench.errors import RequestError
-from explore_bench.scenario import CHEN_2020, PAPER, SCENARIOS, Scenario, load_scenario
+from explore_bench.scenario import CHEN_2020, PAPER, Scenario
 
 NUMBERS = [name for name, field in Scenario.model_fields.items() if "float" in str(field.annotation)]
-
-
-@pytest.fixture
-def toml(tmp_path):
-    def write(text, name="mine.toml"):
-        path = tmp_path / name
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return str(path)
-
-    return write
 
 
 def assert_one_sentence(error):
@@ -74,8 +64,7 @@ def test_the_constants_that_the_paper_gives():
 
 
 def test_chen_2020_is_expressed():
-    chen = load_scenario("chen2020")
-    assert chen == CHEN_2020
+    chen = CHEN_2020
     assert (chen.size, chen.sensor_range, chen.landmarks, chen.obstacles) == (40.0, 6.0, 8, 0)
     assert (chen.candidates_per_robot, chen.candidates_per_landmark) == (1, 1)
     assert (chen.step_length, chen.coverage) == (2.0, 0.85)
@@ -188,75 +177,3 @@ def test_no_number_makes_anything_but_a_scenario_or_a_refusal(key, value):
         return
     assert scenario.landmarks + scenario.obstacles < scenario.cell_count
     assert scenario.step_limit >= 0
-
-
-# Names and files
-
-
-def test_every_registered_scenario_is_found_by_name_and_described():
-    for name, (scenario, meaning) in SCENARIOS.items():
-        assert load_scenario(name) is scenario
-        assert meaning
-
-
-def test_an_unknown_name_is_refused_with_the_near_spelling():
-    with pytest.raises(RequestError, match=r"scenario 'papre' is unknown; did you mean 'paper'\?"):
-        load_scenario("papre")
-
-
-def test_a_file_changes_the_paper_s_scenario(toml):
-    scenario = load_scenario(toml("size = 30\nocclusion = true\nfusion = 'determinant'\n"))
-    assert scenario == PAPER.replace(size=30.0, occlusion=True, fusion="determinant")
-
-
-def test_an_empty_file_is_the_paper_s_scenario(toml):
-    assert load_scenario(toml("# nothing\n")) == PAPER
-
-
-def test_a_file_may_extend_a_named_scenario(toml):
-    scenario = load_scenario(toml('extends = "chen2020"\ncoverage = 0.5\n'))
-    assert scenario == CHEN_2020.replace(coverage=0.5)
-
-
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("size = = 20", "is not TOML"),
-        ("size = 20\nsize = 30\n", "is not TOML"),
-        ('{"size": 20}', "is not TOML"),
-        ("strategy,size\nrandom,20\n", "is not TOML"),
-        (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "cannot be read"),
-        ("sise = 20", "did you mean 'size'"),
-        ("[scenario]\nsize = 20\n", "'scenario'"),
-        ("size = -1", "'size' is -1"),
-        ("size = [20]", "'size' is [20]"),
-        ('extends = "chen2021"', "did you mean 'chen2020'"),
-        ("extends = 3", "extends '3'"),
-        ('extends = ["paper"]', "extends"),
-        ("extends = {name = 'paper'}", "extends"),
-        ("self = 1", "'self'"),
-    ],
-)
-def test_a_wrong_file_is_refused_by_its_name_and_what_is_wrong(toml, text, named):
-    path = toml(text)
-    with pytest.raises(RequestError) as error:
-        load_scenario(path)
-    assert path in str(error.value)
-    assert named in str(error.value)
-    assert_one_sentence(error)
-
-
-def test_a_file_that_is_not_there_is_refused_by_name(tmp_path):
-    with pytest.raises(RequestError, match=r"gone\.toml.*No such file"):
-        load_scenario(str(tmp_path / "gone.toml"))
-
-
-def test_a_folder_is_no_scenario_file(tmp_path):
-    (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(RequestError, match=r"folder\.toml.*cannot be read"):
-        load_scenario(str(tmp_path / "folder.toml"))
-
-
-def test_a_file_of_another_kind_is_refused_by_name(toml):
-    with pytest.raises(RequestError, match=r"mine\.json"):
-        load_scenario(toml("{}", "mine.json"))

@@ -33,7 +33,7 @@ def demo(
 ) -> int:
     """Run one trial of STRATEGY and draw it: a picture of its end, every decision (.gif), or a player (.html)."""
     from explore_bench.report.demo import draw_trial
-    from explore_bench.scenario import load_scenario
+    from explore_bench.scenario_file import load_scenario
     from explore_bench.suites import plan
 
     physics = load_scenario(scenario) if scenario else None

@@ -51,7 +51,7 @@ def run(
         raise RequestError("timeout is nan; give the seconds that one trial may take.")
     physics = None
     if scenario is not None:
-        from explore_bench.scenario import load_scenario
+        from explore_bench.scenario_file import load_scenario
 
         physics = load_scenario(scenario)
     asked = plan(suite, names, sizes, trials, seed, physics, Path(scenario or "paper").name)

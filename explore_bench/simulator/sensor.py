@@ -21,6 +21,7 @@ class Sensor:
         self._rng = rng
         self._landmarks = world.landmarks
         self._obstacles = world.obstacles
+        self._buried = world.obstacles & ~world.counted
         self._cell_size = world.cell_size
         self._range = scenario.sensor_range
         self._min_range = scenario.min_landmark_range
@@ -42,6 +43,8 @@ class Sensor:
             self._occlusion,
         )
         patch, origin_x, origin_y = _patch(pose, self._obstacles, self._cell_size, self._reach, self._occlusion)
+        if self._occlusion:
+            _show_corners(patch, pose, self._buried, self._cell_size)
         return Scan(
             landmarks=seen,
             bearings=bearings + self._bearing_sigma * normals[seen, 0],
@@ -101,6 +104,34 @@ def _patch(
                 if not _clear(pose[0], pose[1], x, y, obstacles, cell_size):
                     patch[i, j] = HIDDEN
     return patch, pose[0] - column0 * cell_size, pose[1] - row0 * cell_size
+
+
+@jit
+def _show_corners(patch: NDArray[np.uint8], pose: Pose, buried: NDArray[np.bool_], cell_size: float) -> None:
+    """Let a patch show the corners of walls: no ray meets a cell inside a wall, but two walls that meet are in sight.
+
+    A hidden cell of `buried`, shape (n, n), reads occupied where two seen obstacles share a side with it and with a
+    seen free cell: that one would stay a frontier for ever.
+    """
+    n, side = buried.shape[0], patch.shape[0]
+    column0 = int(math.floor(pose[0] / cell_size)) - side // 2
+    row0 = int(math.floor(pose[1] / cell_size)) - side // 2
+    for i in range(max(0, -row0), min(side, n - row0)):
+        for j in range(max(0, -column0), min(side, n - column0)):
+            if patch[i, j] == HIDDEN and buried[row0 + i, column0 + j] and _is_corner(patch, i, j):
+                patch[i, j] = OCCUPIED
+
+
+@jit
+def _is_corner(patch: NDArray[np.uint8], i: int, j: int) -> bool:
+    side = patch.shape[0]
+    for k in (i - 1, i + 1):
+        for m in (j - 1, j + 1):
+            if not (0 <= k < side and 0 <= m < side):
+                continue
+            if patch[k, m] == FREE and patch[i, m] == OCCUPIED and patch[k, j] == OCCUPIED:
+                return True
+    return False
 
 
 @jit

@@ -73,7 +73,7 @@ class Belief:
 
     @property
     def explored(self) -> float:
-        """Known share of the map."""
+        """Known share of all cells; which of them count in a given map, the robot does not know."""
         return float(self.known.mean())
 
     @property

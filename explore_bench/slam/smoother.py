@@ -109,11 +109,6 @@ class Smoother:
         """Largest trace over the trajectory of the 3 × 3 covariance [m² + rad²] and of its position block [m²]."""
         return self._peak
 
-    @property
-    def explored(self) -> float:
-        """Known share of the map."""
-        return float(np.count_nonzero(self.occupancy.known)) / self.scenario.cell_count
-
     def belief(self) -> Belief:
         """Freeze what is known; later updates leave it untouched."""
         n = self.scenario.cells
