@@ -76,12 +76,12 @@ def _run(
     from explore_bench.results import expected_seconds, select
     from explore_bench.scenario import PAPER
 
-    runner.check_runnable(asked.specs)
+    workers = workers or runner.default_workers()
+    runner.check_runnable(asked.specs, workers, backend, timeout)
     store = Store(results)
     if not dry_run or store.exists():
         store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
     to_do = list(missing(store, asked.specs))
-    workers = workers or runner.default_workers()
     stored = len(asked.specs) - len(to_do)
     click.echo(
         f"plan: {len(asked.specs)} trials, {stored} stored, {len(to_do)} to do with {workers} workers"
