@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from explore_bench import Observation
+from explore_bench import Observation, RequestError
 from explore_bench.geometry import Array, centres
 from explore_bench.scenario import Scenario
 from explore_bench.slam import predict, renyi_entropy, shannon_entropy
@@ -22,7 +22,16 @@ class Entropy:
     (Eq. 5) minus the Rényi entropy (Eq. 6) of the cell after one predicted observation. The order of the latter,
     α = 1 + 1/δ, follows the trace δ of the pose covariance predicted at the candidate: with a certain pose α → ∞
     and an observation is worth most; with an uncertain one α → 1.
+
+    Parameters
+    ----------
+    alpha : a fixed order α > 0 instead.
     """
+
+    def __init__(self, alpha: float | None = None) -> None:
+        if alpha is not None and not alpha > 0:
+            raise RequestError(f"alpha of the entropy strategy is {alpha}; give a number above 0.")
+        self.alpha = alpha
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin a trial; there is nothing to draw."""
@@ -34,7 +43,8 @@ class Entropy:
         for i, path in enumerate(observation.paths):
             delta = float(np.trace(predict(belief, path).pose_covariances[-1]))
             view = in_view(observation.positions[i], observation.scenario)
-            gains[i] = information_gain(belief.occupancy.reshape(-1)[view], delta, observation.scenario)
+            order = 1.0 + 1.0 / delta if self.alpha is None else self.alpha
+            gains[i] = information_gain(belief.occupancy.reshape(-1)[view], order, observation.scenario)
         return int(np.lexsort((observation.path_lengths, -np.round(gains, 9)))[0])
 
 
@@ -44,11 +54,14 @@ def in_view(position: Array, scenario: Scenario) -> np.ndarray:
     return np.asarray(((cells - position) ** 2).sum(axis=1) <= scenario.sensor_range**2)
 
 
-def information_gain(occupancy: Array, delta: float, scenario: Scenario) -> float:
-    """Σ H(p) − H_α(p′) over cells of these occupancies [bit], p′ after the likelier outcome of one observation."""
+def information_gain(occupancy: Array, order: float, scenario: Scenario) -> float:
+    """Σ H(p) − H_α(p′) over cells of these occupancies [bit], p′ after the likelier outcome of one observation.
+
+    `order` is α.
+    """
     free = occupancy <= 0.5
     odds = occupancy / (1.0 - occupancy)
     model = np.where(free, scenario.miss, scenario.hit)
     updated = odds * model / (1.0 - model)
     after = np.clip(updated / (1.0 + updated), scenario.occupancy_clamp, 1.0 - scenario.occupancy_clamp)
-    return float(np.sum(shannon_entropy(occupancy) - renyi_entropy(after, 1.0 + 1.0 / delta)))
+    return float(np.sum(shannon_entropy(occupancy) - renyi_entropy(after, order)))

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from collections.abc import Iterable, Sequence
+from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,7 @@ from explore_bench.statistics import (
     permutation_p,
     sign_flip_p,
 )
+from explore_bench.strategy import describe
 from explore_bench.training_curve import TRAINING_METRICS, training_values
 
 GROUP = "explore_bench.claims"
@@ -136,22 +139,30 @@ def metric_of(comparison: Comparison) -> Metric:
 
 @cache
 def claims() -> tuple[Claim, ...]:
-    """Claims of all installed packages.
+    """Claims of all installed packages, this project's first.
 
-    Raises
-    ------
-    RequestError : for an entry point that cannot be loaded.
+    An entry point that cannot be used is a claim without comparisons, under its name, that says why.
     """
     found: list[Claim] = []
-    for point in entry_points(group=GROUP):
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name != "baselines", point.name)):
         try:
-            found += point.load()
-        except Exception as error:
-            raise RequestError(
-                f"entry point '{point.name}' of {GROUP} ({point.value}) cannot be used "
-                f"({type(error).__name__}: {error}); mend or uninstall it."
-            ) from error
+            found += _loaded(point)
+        except (Exception, SystemExit) as error:
+            sentence = f"Entry point '{point.name}' of {GROUP} ({point.value}) cannot be used: {describe(error)}"
+            found.append(Claim(point.name, f"{sentence}; mend or uninstall it.", ()))
     return tuple(found)
+
+
+def _loaded(point: EntryPoint) -> tuple[Claim, ...]:
+    """Claims that an entry point names, every metric known."""
+    with redirect_stdout(sys.stderr):
+        own = tuple(point.load())
+    for claim in own:
+        if not isinstance(claim, Claim):
+            raise TypeError(f"{claim!r} is no Claim")
+        for comparison in claim.comparisons:
+            metric_of(comparison)
+    return own
 
 
 def examine(claim: Claim, trials: pd.DataFrame) -> list[Finding]:
@@ -169,7 +180,7 @@ def verdict(findings: Sequence[Finding]) -> str:
             return word
     if verdicts <= {SUPPORTED, SUPPORTED + THESE_WEIGHTS} and verdicts:
         return SUPPORTED + THESE_WEIGHTS if SUPPORTED + THESE_WEIGHTS in verdicts else SUPPORTED
-    return NOT_MEASURED if verdicts == {NOT_MEASURED} else NOT_SHOWN
+    return NOT_MEASURED if verdicts <= {NOT_MEASURED} else NOT_SHOWN
 
 
 def _measure(comparison: Comparison, trials: pd.DataFrame) -> Finding:

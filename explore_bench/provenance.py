@@ -1,28 +1,35 @@
 """What defines a trial's numbers: a digest of its specification, of the code that it runs and of the libraries.
 
 Code counts by its syntax trees without docstrings: a comment changes nothing, an edited A* makes every stored
-trial stale.
+trial stale. It is that of the core's `trial` and of the factory's module, followed through imports into its own
+package, into packages that register strategies, and into whatever lies outside of the installed libraries. A library
+counts by its version, one that cannot be found as absent.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import importlib
 import importlib.util
 import json
+import re
+import sys
+from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.machinery import ModuleSpec
+from importlib.metadata import PackageNotFoundError, entry_points, packages_distributions, version
 from pathlib import Path
 from typing import Any
 
 from explore_bench.scenario import Scenario
 from explore_bench.spec import TrialSpec
 from explore_bench.steps import SCHEMA_VERSION
-from explore_bench.strategy import parse_factory
+from explore_bench.strategy import GROUP, parse_factory
 from explore_bench.weights import weights_file
 
 LIBRARIES = ("gtsam", "numba", "numpy", "scipy", "torch")
-"""Libraries whose version enters the digest where the code that a trial runs imports them."""
+"""Libraries whose version enters the digest where the core imports them; of a strategy's own code all do."""
 
 
 def spec_values(spec: TrialSpec) -> dict[str, Any]:
@@ -39,6 +46,7 @@ def spec_values(spec: TrialSpec) -> dict[str, Any]:
         "trial": spec.trial,
         "training_seed": spec.training_seed,
         "weights": spec.weights,
+        "broken": spec.broken,
     }
 
 
@@ -62,13 +70,15 @@ def scenario_digest(scenario: Scenario) -> str:
 
 def forget_code() -> None:
     """Read all code anew: it may have been edited since (in a notebook, say)."""
-    for function in (code_digest, library_versions, weights_digest, _modules, _file, _tree, _syntax):
+    of_packages = (_modules, _file, _counts_by_source, _registering, _distributions)
+    for function in (code_digest, library_versions, weights_digest, _tree, _syntax, *of_packages):
         function.cache_clear()
+    importlib.invalidate_caches()
 
 
 @cache
 def code_digest(place: str) -> str:
-    """Digest of the syntax trees of a factory's module, its imports within its own package, and of the core."""
+    """Digest of the syntax trees of a factory's module, of the code that it imports (see above) and of the core."""
     digest = hashlib.sha256()
     for name, path in sorted(_modules(place).items()):
         digest.update(name.encode() + _syntax(path))
@@ -77,9 +87,14 @@ def code_digest(place: str) -> str:
 
 @cache
 def library_versions(place: str) -> dict[str, str]:
-    """Versions of the LIBRARIES that the code of a factory imports, read without importing them."""
-    imported = {name.split(".")[0] for path in _modules(place).values() for name in _imports(path, "")}
-    return {name: installed_version(name) for name in LIBRARIES if name in imported}
+    """Versions of the libraries that the code of a factory imports, read without importing them."""
+    core: set[str] = set()
+    own: set[str] = set()
+    for module, path in _modules(place).items():
+        (core if module.startswith("explore_bench.") else own).update(_packages(path, module))
+    known = sys.stdlib_module_names | {"explore_bench"}
+    libraries = core & set(LIBRARIES) | {name for name in own - known if not _counts_by_source(name)}
+    return {name: _library_version(name) for name in sorted(libraries)}
 
 
 @cache
@@ -99,44 +114,74 @@ def installed_version(distribution: str) -> str:
         return "absent"
 
 
+def _library_version(package: str) -> str:
+    """Version of the distribution that a package is imported from, or "absent"."""
+    found = installed_version(package)
+    if found != "absent" or _location(package) is None:
+        return found
+    return ", ".join(map(installed_version, _distributions().get(package, ())))
+
+
+@cache
+def _distributions() -> Mapping[str, Sequence[str]]:
+    return packages_distributions()  # takes a second
+
+
 @cache
 def _modules(place: str) -> dict[str, Path]:
     """Modules that a trial runs: name → file, from the core's `trial` and the factory's module on."""
     found: dict[str, Path] = {}
-    _follow("explore_bench.trial", "explore_bench", found)
+    _follow("explore_bench.trial", found)
     if place.endswith(".py"):
         path = Path(place)
         found[path.name] = path
-        names = _imports(path, "")
+        for name in sorted(_imports(path, "")):
+            _follow(name, found)
     else:
-        _follow(place, place.split(".")[0], found)
-        names = {name for path in list(found.values()) for name in _imports(path, "")}
-    for name in sorted(names):
-        if name.startswith("explore_bench."):
-            _follow(name, "explore_bench", found)
+        _follow(place, found, place.split(".")[0])
     return found
 
 
-def _follow(name: str, package: str, found: dict[str, Path]) -> None:
-    """Add a module of the package, and what it imports from that package, to `found`."""
-    if name in found or name.split(".")[0] != package or name == "explore_bench":
+def _follow(name: str, found: dict[str, Path], own: str = "explore_bench") -> None:
+    """Add a module, and what it imports, to `found` as far as the source counts: always within the package `own`."""
+    package = name.split(".")[0]
+    if name in found or name == "explore_bench" or not (package == own or _counts_by_source(package)):
         return
     path = _file(name)
     if path is None:
         return
     found[name] = path
     for imported in sorted(_imports(path, name)):
-        _follow(imported, package, found)
+        _follow(imported, found, own)
+
+
+@cache
+def _counts_by_source(package: str) -> bool:
+    """Whether a package registers strategies, or lies elsewhere than the libraries do: in a checkout, say."""
+    if package in sys.stdlib_module_names or package in LIBRARIES:
+        return False
+    if package == "explore_bench" or package in _registering():
+        return True
+    path = _location(package)
+    return path is not None and not {"site-packages", "dist-packages"} & set(path.parts)
+
+
+@cache
+def _registering() -> frozenset[str]:
+    """Top-level packages that register strategies."""
+    return frozenset(re.split(r"[:.]", point.value)[0].strip() for point in entry_points(group=GROUP))
+
+
+def _packages(path: Path, module: str) -> set[str]:
+    """Top-level packages that the file of a module imports."""
+    return {name.split(".")[0] for name in _imports(path, "" if module.endswith(".py") else module)} - {""}
 
 
 @cache
 def _file(name: str) -> Path | None:
     """Source file of a module, found without importing it or its package; None where the name is no module."""
     package, *rest = name.split(".")
-    try:
-        spec = importlib.util.find_spec(package)
-    except (ImportError, ValueError):
-        return None
+    spec = _spec(package)
     if spec is None:
         return None
     if not spec.submodule_search_locations:
@@ -147,6 +192,20 @@ def _file(name: str) -> Path | None:
             if file.is_file():
                 return file
     return None
+
+
+def _location(package: str) -> Path | None:
+    """File or folder of a top-level package; None where there is none."""
+    spec = _spec(package)
+    places = spec and [*(spec.submodule_search_locations or ()), spec.origin]
+    return Path(places[0]) if places and places[0] else None
+
+
+def _spec(package: str) -> ModuleSpec | None:
+    try:
+        return importlib.util.find_spec(package)
+    except (ImportError, ValueError):
+        return None
 
 
 @cache

@@ -12,8 +12,9 @@ import pandas as pd
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.metrics import METRICS, regret
+from explore_bench.provenance import weights_digest
 from explore_bench.records import Store, TrialRecord
-from explore_bench.registry import strategies
+from explore_bench.registry import entry_named, in_order, strategies
 from explore_bench.spec import Outcome, TrialSpec
 from explore_bench.statistics import mean_interval
 
@@ -50,17 +51,9 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
 
     Raises
     ------
-    RequestError : where two different strategies have the same name.
+    RequestError : where two different strategies, or sets of weights, have the same name.
     """
-    makers: dict[str, tuple[str, dict[str, Any]]] = {}
-    for record in records:
-        spec = record.spec
-        made = spec.factory, dict(spec.parameters)
-        if makers.setdefault(spec.strategy, made) != made:
-            raise RequestError(
-                f"the name '{spec.strategy}' stands for {makers[spec.strategy][0]} and for {made[0]} in one folder; "
-                "rename one of them, or give each a folder with --results."
-            )
+    _check_names([record.spec for record in records])
     references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
     rows = []
     for record in records:
@@ -84,6 +77,21 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
         )
     table = pd.DataFrame(rows, columns=list(TRIAL_COLUMNS)).astype({"training_seed": "Int64", "size": float})
     return table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first")
+
+
+def _check_names(specs: Iterable[TrialSpec]) -> None:
+    """Refuse specifications that mean different things by one name."""
+    makers: dict[Any, tuple[Any, str]] = {}
+    for spec in specs:
+        made = (spec.factory, dict(spec.parameters)), spec.factory
+        weights = weights_digest(spec.weights) if spec.weights else None, f"the weights {spec.weights}"
+        for key, own in ((spec.strategy, made), ((spec.strategy, spec.training_seed), weights)):
+            known = makers.setdefault(key, own)
+            if known[0] != own[0]:
+                raise RequestError(
+                    f"the name '{spec.strategy}' stands for {known[1]} and for {own[1]} in one folder; "
+                    "rename one of them, or give each a folder with --results."
+                )
 
 
 def write_trials(store: Store) -> pd.DataFrame:
@@ -190,13 +198,11 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret"]
-    entries = strategies()
-    names = [*entries, *sorted(set(trials["strategy"]) - entries.keys())]
-    for name in names:
+    for name in in_order([*strategies(), *trials["strategy"]]):
         own = trials[trials["strategy"] == name]
-        published = entries[name].published if name in entries else {}
-        tables = entries[name].tables if name in entries else ("table2", "table3")
-        for table in tables:
+        entry = entry_named(name)
+        published = entry.published
+        for table in entry.tables:
             sizes = {float(size) for size in own["size"]} | {s for t, s, _ in published if t == table}
             for size in sorted(sizes):
                 cell = own[own["size"] == size]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +20,8 @@ from explore_bench.provenance import trial_key
 from explore_bench.records import Store, missing
 from explore_bench.simulator.world import draw_world
 from explore_bench.spec import Outcome, Status, TrialSpec
-from explore_bench.strategy import make_strategy
-from explore_bench.trial import TrialResult, run_trial
+from explore_bench.strategy import StrategyError, make_strategy
+from explore_bench.trial import OutOfTime, TrialResult, one_process, run_trial, time_limit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,8 +33,13 @@ DEFAULT_TIMEOUT = 600.0
 AHEAD = 2
 """Trials handed out for each worker before their turn."""
 
+CHECK_SECONDS = 60.0
+"""Seconds that a strategy may take to be made before the run; one that is slower is left to the limit of its trials."""
+
 GRACE = 60.0
 """Seconds beyond its limit after which a trial that cannot be interrupted ends the run."""
+
+TIMEOUTS = (TimeoutError, multiprocessing.TimeoutError)
 
 THREAD_SETTINGS = (
     "OMP_NUM_THREADS",
@@ -75,7 +81,7 @@ def execute(
     jobs = 1 if backend == "sequential" else min(workers, len(specs))
     waiting = dict(enumerate(longest_first))
     with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
-        if jobs > 1:
+        if backend != "sequential":
             warm_up(specs[0])
         try:
             while waiting:
@@ -86,7 +92,7 @@ def execute(
                 except TerminatedWorkerError:
                     for number in list(waiting)[: AHEAD * jobs]:  # joblib hands tasks out in order
                         yield _alone(waiting.pop(number), store, backend, timeout)
-        except (TimeoutError, multiprocessing.TimeoutError):
+        except TIMEOUTS:
             raise IncompleteError(
                 f"a trial took longer than {timeout:g} s and could not be interrupted; mend its strategy"
             ) from None
@@ -96,24 +102,28 @@ def _parallel(
     specs: dict[int, TrialSpec], store: Store, jobs: int, backend: str, timeout: float
 ) -> Iterator[tuple[int, Outcome]]:
     """Outcomes of numbered trials as they end."""
-    parallel = joblib.Parallel(
-        n_jobs=jobs,
-        backend=backend,
-        return_as="generator_unordered",
-        pre_dispatch=f"{AHEAD}*n_jobs",
-        timeout=timeout + GRACE if jobs > 1 else None,
-    )
     tasks = (
         joblib.delayed(_run_and_store)(number, spec, trial_key(spec), store, timeout)
         for number, spec in list(specs.items())
     )
-    yield from parallel(tasks)
+    yield from _workers(jobs, backend, timeout)(tasks)
+
+
+def _workers(jobs: int, backend: str, timeout: float) -> joblib.Parallel:
+    """Processes for trials; unless the backend is sequential never this one, which a strategy might end."""
+    return joblib.Parallel(
+        n_jobs=1 if backend == "sequential" else max(jobs, 2),
+        backend=backend,
+        return_as="generator_unordered",
+        pre_dispatch=AHEAD * jobs if jobs > 1 else 1,  # one at a time is one worker at work
+        timeout=None if backend == "sequential" else timeout + GRACE,
+    )
 
 
 def _alone(spec: TrialSpec, store: Store, backend: str, timeout: float) -> Outcome:
     """Run a trial in a process that runs nothing else; should that die, the trial has failed."""
     try:
-        return next(outcome for _, outcome in _parallel({0: spec}, store, 2, backend, timeout))
+        return next(outcome for _, outcome in _parallel({0: spec}, store, 1, backend, timeout))
     except TerminatedWorkerError:
         result = TrialResult(
             spec=spec,
@@ -152,22 +162,44 @@ class WarmUp:
         return 0 * int(predict(observation.belief, observation.paths[0]).uncertainty)
 
 
-def check_runnable(specs: Sequence[TrialSpec]) -> None:
-    """Import and make every strategy of a plan once.
+def check_runnable(
+    specs: Sequence[TrialSpec], workers: int = 1, backend: str = "sequential", timeout: float = DEFAULT_TIMEOUT
+) -> None:
+    """Make every strategy of a plan once, where its trials will run, to find out what was asked for wrongly.
+
+    One that is broken (does not import, raises, takes too long, ends its process) passes: its trials say so.
 
     Raises
     ------
-    RequestError : for the first that cannot be made.
+    RequestError : for the first that does not exist, or whose parameters or weights are wrong.
     """
-    seen: dict[tuple[str, int | None], TrialSpec] = {}
+    unique: dict[tuple[str, int | None], TrialSpec] = {}
     for spec in specs:
-        seen.setdefault((spec.strategy, spec.training_seed), spec)
-    for spec in seen.values():
-        made = make_strategy(spec.factory, spec.arguments)
-        begin = "reset_with_world" if spec.reference else "reset"
-        for method in (begin, "choose"):
-            if not callable(getattr(made, method, None)):
-                raise RequestError(f"strategy '{spec.strategy}' ({spec.factory}) has no method {method}; add it.")
+        if not spec.broken:
+            unique.setdefault((spec.strategy, spec.training_seed), spec)
+    tasks = [joblib.delayed(_refusal)(i, spec, min(timeout, CHECK_SECONDS)) for i, spec in enumerate(unique.values())]
+    jobs = 1 if backend == "sequential" else min(workers, len(tasks))
+    refusals: dict[int, str] = {}
+    if tasks:
+        with _environment(dict.fromkeys(THREAD_SETTINGS, "1")), suppress(TerminatedWorkerError, *TIMEOUTS):
+            refusals.update(_workers(jobs, backend, min(timeout, CHECK_SECONDS))(tasks))
+    sentences = [refusals[i] for i in sorted(refusals) if refusals[i]]
+    if sentences:
+        raise RequestError(sentences[0])
+
+
+def _refusal(number: int, spec: TrialSpec, seconds: float) -> tuple[int, str]:
+    """What is wrong about asking for a strategy, in a sentence; empty where nothing is."""
+    try:
+        with redirect_stdout(sys.stderr), time_limit(seconds), one_process():
+            make_strategy(spec.factory, spec.arguments)
+    except StrategyError:
+        pass
+    except RequestError as error:
+        return number, str(error)
+    except OutOfTime:
+        pass
+    return number, ""
 
 
 def run(
@@ -189,7 +221,8 @@ def run(
     Parameters
     ----------
     suite : name of a suite.
-    strategies : names, "module:factory" or "file.py:factory" instead of the suite's own.
+    strategies : instead of the suite's own: names, "module:factory" or "file.py:factory", with parameters in brackets
+        where they take any, "entropy[alpha=0.5]".
     sizes, trials, seed : sizes [m], worlds a size and root seed instead of the suite's.
     workers, backend, timeout : processes, joblib backend, and seconds that a trial may take.
     scenario : a Scenario, or a name or TOML file of one, instead of the paper's.
@@ -214,7 +247,7 @@ def run(
     name = scenario if isinstance(scenario, str) else "paper" if scenario is None else "custom"
     physics = load_scenario(scenario) if isinstance(scenario, str) else scenario
     asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).name)
-    check_runnable(asked.specs)
+    check_runnable(asked.specs, workers or default_workers(), backend, timeout)
     store = Store(Path(results))
     store.open(seed, "evaluate", physics or PAPER)
     to_do = list(missing(store, asked.specs))

@@ -34,6 +34,7 @@ class TrialSpec:
     scenario : physical constants, the size among them.
     scenario_name : name under which they are kept.
     purpose, root, trial : of its random streams.
+    broken : of its Entry; such a trial fails with this sentence.
     training_seed, weights : of a learned strategy, the seed with which it was trained and the file of its weights,
         as its Entry names it.
     """
@@ -49,6 +50,7 @@ class TrialSpec:
     root: int = 0
     training_seed: int | None = None
     weights: str | None = None
+    broken: str = ""
 
     @property
     def arguments(self) -> dict[str, Any]:

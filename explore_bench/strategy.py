@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import json
 import re
 import sys
@@ -24,6 +25,14 @@ if TYPE_CHECKING:
     from explore_bench.scenario import Scenario
     from explore_bench.simulator.world import World
     from explore_bench.slam.belief import Belief
+
+
+GROUP = "explore_bench.strategies"
+"""Entry point group in which a package names its strategies: a mapping from a name to an Entry or "module:factory"."""
+
+
+class StrategyError(RequestError):
+    """A strategy was asked for rightly and cannot be made or begun: its trials fail with this sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +112,7 @@ class Entry:
     training : what the trainer should do otherwise than usual, as the trainer defines it.
     weights : safetensors file of each training seed, a path or "package:path" (see `weights.weights_file`); a learned
         strategy without any is shown as `not trained`.
+    broken : what is wrong with its registration, in a sentence; its trials fail. Empty where nothing is.
     """
 
     factory: str
@@ -115,6 +125,7 @@ class Entry:
     trainer: str | None = None
     training: Mapping[str, Any] = field(default_factory=dict)
     weights: Mapping[int, str] = field(default_factory=dict)
+    broken: str = ""
 
     def __post_init__(self) -> None:
         parse_factory(self.factory)
@@ -149,15 +160,19 @@ def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
 
     Raises
     ------
-    RequestError : where the file or module cannot be imported, lacks the name, or refuses the parameters.
+    RequestError : where there is no such file, module or name, or it takes no such parameters.
+    StrategyError : where it cannot be imported, or raises when it is called.
     """
+    make = load_factory(factory)
     try:
-        return load_factory(factory)(**parameters)
+        return make(**parameters)
     except RequestError:
         raise
     except (Exception, SystemExit) as error:
-        shown = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
-        raise RequestError(f"strategy '{factory}' cannot be made with ({shown}): {describe(error)}.") from error
+        given = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
+        if takes := _mismatch(make, parameters):
+            raise RequestError(f"strategy '{factory}' takes the parameters {takes}, not ({given}).") from error
+        raise StrategyError(f"strategy '{factory}' cannot be made with ({given}): {describe(error)}.") from error
 
 
 def load_factory(factory: str) -> Any:
@@ -165,16 +180,47 @@ def load_factory(factory: str) -> Any:
 
     Raises
     ------
-    RequestError : where the file or module cannot be imported, or lacks the name.
+    RequestError : where there is no such file, module or name.
+    StrategyError : where the file or module cannot be imported.
     """
     place, name = parse_factory(factory)
+    is_file = place.endswith(".py")
+    if is_file and not Path(place).is_file():
+        raise RequestError(f"strategy '{factory}': there is no file {place}; check the path.")
     try:
-        module = _load_file(Path(place)) if place.endswith(".py") else importlib.import_module(place)
+        module = _load_file(Path(place)) if is_file else importlib.import_module(place)
     except (Exception, SystemExit) as error:
-        raise RequestError(f"strategy '{factory}' cannot be imported ({describe(error)}); mend that.") from error
+        if isinstance(error, ModuleNotFoundError) and f"{place}.".startswith(f"{error.name}."):
+            raise RequestError(f"strategy '{factory}': there is no module '{error.name}'; check its name.") from None
+        raise StrategyError(f"strategy '{factory}' cannot be imported ({describe(error)}); mend that.") from error
     if not hasattr(module, name):
         raise RequestError(f"strategy '{factory}': '{place}' has no '{name}'; name something that it defines.")
     return getattr(module, name)
+
+
+def check_methods(strategy: object, reference: bool = False) -> None:
+    """Refuse what is no strategy.
+
+    Raises
+    ------
+    StrategyError : where it lacks `choose`, or `reset` (`reset_with_world` for a reference).
+    """
+    for method in ("reset_with_world" if reference else "reset", "choose"):
+        if not callable(getattr(strategy, method, None)):
+            raise StrategyError(f"strategy '{type(strategy).__name__}' has no method {method}; add it.")
+
+
+def _mismatch(make: Any, parameters: Mapping[str, Any]) -> str:
+    """Signature of a factory that does not take these parameters; empty where it does or has none to read."""
+    try:
+        signature = inspect.signature(make)
+    except (TypeError, ValueError):
+        return ""
+    try:
+        signature.bind(**parameters)
+    except TypeError:
+        return str(signature.replace(return_annotation=inspect.Signature.empty))
+    return ""
 
 
 def describe(error: BaseException) -> str:
@@ -187,8 +233,6 @@ def describe(error: BaseException) -> str:
 
 
 def _load_file(path: Path) -> ModuleType:
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
     digest = hashlib.sha256(str(path.resolve()).encode() + path.read_bytes())  # an edited file is another module
     name = f"explore_bench_plugin_{digest.hexdigest()[:12]}"
     if name in sys.modules:

@@ -133,7 +133,7 @@ def plan(
     sizes = tuple(dict.fromkeys(sizes))
     picked = [lookup(name) for name in dict.fromkeys(names)] or list(strategies().items())
     if len({name for name, _ in picked}) < len(picked):
-        raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory.")
+        raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory or leave one out.")
     variations = chosen.variations or {scenario_name: {}}
     specs: list[TrialSpec] = []
     untrained: list[str] = []
@@ -159,6 +159,7 @@ def plan(
                     root=root,
                     training_seed=seed,
                     weights=weights,
+                    broken=entry.broken,
                 )
                 for seed, weights in (entry.weights.items() or [(None, None)])
                 for trial in range(count)

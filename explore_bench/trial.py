@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from explore_bench.errors import RequestError
 from explore_bench.geometry import Array, centres
 from explore_bench.planning.frontier import Withheld, find_candidates
 from explore_bench.scenario import Scenario
@@ -21,7 +24,7 @@ from explore_bench.slam.belief import Belief
 from explore_bench.slam.smoother import Lap, no_lap
 from explore_bench.spec import Status, TrialSpec
 from explore_bench.steps import Snapshot, Step, take_snapshot
-from explore_bench.strategy import Observation, describe, make_strategy
+from explore_bench.strategy import Observation, StrategyError, check_methods, describe, make_strategy
 from explore_bench.vehicle import Vehicle
 
 
@@ -134,7 +137,8 @@ class TrialResult:
     final_poses, final_covariances : trajectory and its position covariances (xx, xy, yy) as estimated at the end,
         shapes (N, 3); N = 0 for a trial that failed.
     decision_seconds : time the strategy took for each choice.
-    transient : whether it failed for want of time, memory or disk, and is worth another try.
+    transient : whether it failed for want of time, memory or disk, or of something that its strategy needs in order to
+        be made, and is worth another try.
     """
 
     spec: TrialSpec
@@ -154,7 +158,8 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     """Run one trial: a pure function of its spec but for the times.
 
     Whatever the strategy does wrong (raise, answer nonsense, take longer than `timeout` [s]) makes the result
-    `failed` with a reason; the rows up to there are kept.
+    `failed` with a reason; the rows up to there are kept. What it prints goes to stderr, and a process that it forks
+    off ends when it comes back from the strategy.
     """
     begin = time.perf_counter()
     world = draw_world(spec.scenario, spec.generator("world"))
@@ -164,12 +169,8 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
     status, reason, transient = Status.FAILED, "", False
     try:
-        with _time_limit(timeout):
-            strategy = make_strategy(spec.factory, spec.arguments)
-            if spec.reference:
-                strategy.reset_with_world(spec.generator("strategy"), world)
-            else:
-                strategy.reset(spec.generator("strategy"))
+        with redirect_stdout(sys.stderr), time_limit(timeout):
+            strategy = _begin(spec, world)
             events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"), lap)
             ending = _play(events, strategy, steps, snapshots, seconds)
             status, reason = ending.status, ending.reason
@@ -183,6 +184,9 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
         reason = str(error)
     except KeyboardInterrupt:
         raise
+    except RequestError as error:
+        transient = not steps
+        reason = " ".join(str(error).split())
     except (MemoryError, OSError) as error:
         transient = True
         reason = describe(error)
@@ -203,6 +207,21 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
         seconds=time.perf_counter() - begin,
         transient=transient,
     )
+
+
+def _begin(spec: TrialSpec, world: World) -> Any:
+    """Make the strategy of a trial and reset it."""
+    if spec.broken:
+        raise StrategyError(spec.broken)
+    with one_process():
+        strategy = make_strategy(spec.factory, spec.arguments)
+        check_methods(strategy, spec.reference)
+        rng = spec.generator("strategy")
+        if spec.reference:
+            strategy.reset_with_world(rng, world)
+        else:
+            strategy.reset(rng)
+    return strategy
 
 
 def _play(
@@ -229,7 +248,8 @@ def _play(
         seconds.append(0.0)
         begin = time.perf_counter()
         try:
-            choice = strategy.choose(event)
+            with one_process():
+                choice = strategy.choose(event)
         finally:
             seconds[-1] = time.perf_counter() - begin
         if isinstance(choice, int | np.integer) and 0 <= choice < count:
@@ -245,7 +265,18 @@ class OutOfTime(BaseException):
 
 
 @contextmanager
-def _time_limit(seconds: float | None) -> Iterator[None]:
+def one_process() -> Iterator[None]:
+    """End a process that was forked off in the block, lest it run the rest of the benchmark a second time."""
+    own = os.getpid()
+    try:
+        yield
+    finally:
+        if os.getpid() != own:
+            os._exit(0)
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
     """Raise OutOfTime in the block after some seconds, where the platform has timers and this is the main thread."""
     if not seconds or not math.isfinite(seconds) or threading.current_thread() is not threading.main_thread():
         yield

@@ -168,7 +168,7 @@ def test_nearest_goes_by_the_path_and_not_by_the_distance(observation):
 
 
 def gain(occupancy, delta=0.5, scenario=PAPER):
-    return information_gain(np.array(occupancy, dtype=float), delta, scenario)
+    return information_gain(np.array(occupancy, dtype=float), 1.0 + 1.0 / delta, scenario)
 
 
 def shannon(p):
@@ -263,7 +263,7 @@ def test_entropy_avoids_the_candidate_where_it_would_be_lost(observation, monkey
 
 
 def test_entropy_takes_the_shorter_path_among_equal_gains(observation, monkeypatch):
-    monkeypatch.setattr(baselines.entropy, "information_gain", lambda occupancy, delta, scenario: 1.0)
+    monkeypatch.setattr(baselines.entropy, "information_gain", lambda occupancy, order, scenario: 1.0)
     assert Entropy().choose(observation) == observation.path_lengths.argmin()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import click
@@ -42,7 +43,8 @@ def demo(
         raise RequestError(f"strategy '{strategy}' is not trained; choose one that 'explore-bench list' calls ready.")
     spec = dataclasses.replace(asked.specs[0], trial=trial)
     size = spec.scenario.size
-    path = output or results / f"demo-{spec.strategy}-{size:g}m-{trial}.gif"
+    shown = re.sub(r"[^\w.=-]+", "_", spec.strategy).rstrip("_")
+    path = output or results / f"demo-{shown}-{size:g}m-{trial}.gif"
     record = draw_trial(spec, path)
     steps = record.steps["step"][-1]
     click.echo(f"{spec.strategy}, {size:g} m, world {trial}: {record.status} after {steps} steps; {path}")

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
+
+from explore_bench.errors import RequestError
+
+if TYPE_CHECKING:
+    from explore_bench.strategy import Entry
 
 
 @click.command("list")
@@ -10,19 +17,15 @@ import click
 def list_(what: str) -> None:
     """List strategies (the default), scenarios, suites or metrics."""
     rows: list[tuple[str, ...]]
+    notes: list[str] = []
     if what == "strategies":
-        from explore_bench.registry import parameter_count, strategies
+        from explore_bench.registry import strategies
 
         rows = [("name", "label", "tables", "state", "parameters")]
         for name, entry in strategies().items():
-            state, count = "ready" if entry.ready else "not trained", ""
-            if entry.reference:
-                state = "reference: told the truth"
-            elif entry.weights:
-                seeds = len(entry.weights)
-                state = f"learned, {seeds} training seed{'s' if seeds > 1 else ''}"
-                count = f"{parameter_count(entry):,}"
+            state, count, note = _state(entry)
             rows.append((name, entry.label, ", ".join(entry.tables), state, count))
+            notes += [f"{name}: {note}"] if note else []
     elif what == "scenarios":
         from explore_bench.scenario import SCENARIOS
 
@@ -43,3 +46,23 @@ def list_(what: str) -> None:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    for note in notes:
+        click.echo(note)
+
+
+def _state(entry: Entry) -> tuple[str, str, str]:
+    """Whether a strategy can run, the number of its parameters where it is learned, and what is wrong with it."""
+    from explore_bench.registry import parameter_count
+
+    if entry.broken:
+        return "broken", "", entry.broken
+    if entry.reference:
+        return "reference: told the truth", "", ""
+    if not entry.weights:
+        return "ready" if entry.ready else "not trained", "", ""
+    seeds = len(entry.weights)
+    state = f"learned, {seeds} training seed{'s' if seeds > 1 else ''}"
+    try:
+        return state, f"{parameter_count(entry):,}", ""
+    except RequestError as error:
+        return state, "", str(error)

@@ -21,7 +21,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("suite")
-@click.option("-s", "--strategy", "names", multiple=True, metavar="STRATEGY", help="Not the suite's; repeatable.")
+@click.option(
+    "-s",
+    "--strategy",
+    "names",
+    multiple=True,
+    metavar="STRATEGY",
+    help="Not the suite's: NAME, MODULE:FACTORY or FILE.py:FACTORY, then [key=value,…] if need be; repeatable.",
+)
 @click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")
 @click.option("--trials", type=int, metavar="N", help="Worlds a size.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
@@ -76,12 +83,12 @@ def _run(
     from explore_bench.results import expected_seconds, select
     from explore_bench.scenario import PAPER
 
-    runner.check_runnable(asked.specs)
+    workers = workers or runner.default_workers()
+    runner.check_runnable(asked.specs, workers, backend, timeout)
     store = Store(results)
     if not dry_run or store.exists():
         store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
     to_do = list(missing(store, asked.specs))
-    workers = workers or runner.default_workers()
     stored = len(asked.specs) - len(to_do)
     click.echo(
         f"plan: {len(asked.specs)} trials, {stored} stored, {len(to_do)} to do with {workers} workers"
@@ -97,9 +104,13 @@ def _run(
     except runner.IncompleteError as error:
         click.echo(f"explore-bench: incomplete: {error}.", err=True)
         return INCOMPLETE
-    failed = int((select(table, asked.specs)["status"] == "failed").sum())
-    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed} of those asked for failed")
-    return NO if failed else DONE
+    rows = select(table, asked.specs)
+    failed = rows["status"] == "failed"
+    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed.sum()} of those asked for failed")
+    if (failed & (rows["explored"] == 0.0)).all():
+        click.echo(f"explore-bench: nothing was measured: {rows['reason'].iloc[0]}", err=True)
+        return INCOMPLETE
+    return NO if failed.any() else DONE
 
 
 class Progress:

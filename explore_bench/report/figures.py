@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from explore_bench.metrics import CURVES, curve, finished
 from explore_bench.records import Store, TrialRecord
-from explore_bench.registry import strategies
+from explore_bench.registry import in_order, strategies
 from explore_bench.report.scene import draw_scene, scene_legend
 from explore_bench.report.style import entry_of, save_all, styled
 from explore_bench.report.tables import shown_name
@@ -44,8 +44,8 @@ Groups = dict[str, list[TrialRecord]]
 def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) -> list[Path]:
     """Draw every figure for which there are trials; returns the files written.
 
-    A figure is drawn where a strategy that the paper shows in it, or a plugin given by its file or factory, has trials
-    of its size; strategies without trials are left out of it.
+    A figure is drawn where a strategy that the paper shows in it, or one that is not registered (a plugin's file, a
+    strategy with parameters), has trials of its size; strategies without trials are left out of it.
     """
     written: list[Path] = []
     with styled():
@@ -59,7 +59,7 @@ def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) ->
 
 
 def _belongs(strategy: str, table: str, size: float) -> bool:
-    """Whether the paper's figure shows this strategy, or it is a plugin given by its file or factory."""
+    """Whether the paper's figure shows this strategy, or it is not registered."""
     entry = strategies().get(strategy)
     if entry is None or table not in PRINTED:
         return True
@@ -68,9 +68,8 @@ def _belongs(strategy: str, table: str, size: float) -> bool:
 
 def _groups(records: Sequence[TrialRecord], table: str, size: float) -> Groups:
     """Records of a size by strategy, for the strategies of a table, in the registered order."""
-    order = [*strategies(), *sorted({record.spec.strategy for record in records} - strategies().keys())]
     groups: Groups = {}
-    for name in order:
+    for name in in_order(record.spec.strategy for record in records):
         if table in entry_of(name).tables:
             own = [r for r in records if r.spec.strategy == name and r.spec.scenario.size == size]
             if own:

@@ -14,7 +14,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from explore_bench.records import Store, TrialRecord
-from explore_bench.registry import strategies
+from explore_bench.registry import in_order
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps
 from explore_bench.report.markup import column_attributes, dot, header_groups, row_scope
@@ -75,7 +75,7 @@ def write_page(content: Content, path: Path) -> Path:
 
 def render_page(content: Content) -> str:
     """Return the page as HTML."""
-    names = _names(content.records)
+    names = in_order(record.spec.strategy for record in content.records)
     numbers = {name: i for i, name in enumerate(names)}
     environment = _environment()
     environment.globals |= {
@@ -127,13 +127,6 @@ def _environment() -> jinja2.Environment:
 def _text(name: str) -> str:
     """Return a file of the page as it is."""
     return _loader().get_source(_environment(), name)[0]
-
-
-def _names(records: Sequence[TrialRecord]) -> list[str]:
-    """Strategies that ran, in the registered order, then others by name."""
-    ran = {record.spec.strategy for record in records}
-    known = [name for name in strategies() if name in ran]
-    return [*known, *sorted(ran - set(known))]
 
 
 def _summary(records: Sequence[TrialRecord], names: Sequence[str]) -> str:

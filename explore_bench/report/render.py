@@ -15,6 +15,7 @@ from explore_bench.report.claims import claims_section, examined, overview, writ
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.sensitivity import write_sensitivity
+from explore_bench.report.style import showing
 from explore_bench.report.tables import report_tables, write_tables
 from explore_bench.report.training import write_training_figures
 from explore_bench.results import summary_table, trial_table
@@ -45,7 +46,7 @@ def write_report(folder: Path) -> Report:
         what = f"{stale} trials of older code or libraries" if stale else "no trials"
         raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
     trials = trial_table(records)
-    with writing(folder):
+    with writing(folder), showing(record.spec for record in records):
         files = [_write_csv(trials, folder / "trials.csv")]
         if trials["scenario"].nunique() > 1:  # a mean over different physics would mean nothing
             files += write_sensitivity(trials, folder)

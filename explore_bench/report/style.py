@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from explore_bench.errors import RequestError, writing
-from explore_bench.registry import plugin_entry, strategies
+from explore_bench.registry import entry_named
 from explore_bench.report.vector import slim
+from explore_bench.spec import TrialSpec
 from explore_bench.strategy import Entry
 
 SETTINGS: Any = {
@@ -49,9 +52,23 @@ def styled() -> Iterator[None]:
             plt.close("all")
 
 
+_references: ContextVar[frozenset[str]] = ContextVar("references", default=frozenset())
+
+
+@contextmanager
+def showing(specs: Iterable[TrialSpec]) -> Iterator[None]:
+    """Mark as references, in the block, the strategies that were told the truth when their trials ran."""
+    token = _references.set(frozenset(spec.strategy for spec in specs if spec.reference))
+    try:
+        yield
+    finally:
+        _references.reset(token)
+
+
 def entry_of(name: str) -> Entry:
-    """Entry of a strategy, also of one whose plugin is no longer registered."""
-    return strategies().get(name) or plugin_entry(f"unknown:{name}" if name.isidentifier() else "unknown:x", name)
+    """Entry of a strategy, also of one that is not registered (any more), for then its name says it all."""
+    entry = entry_named(name)
+    return dataclasses.replace(entry, reference=True) if name in _references.get() else entry
 
 
 def plain_log(axis: Axis) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 
 from explore_bench.metrics import METRICS, REGRET, Metric
-from explore_bench.registry import strategies
+from explore_bench.registry import in_order, strategies
 from explore_bench.report.style import entry_of
 from explore_bench.results import by_world
 from explore_bench.statistics import Estimate, paired_difference
@@ -134,8 +134,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
     for metric, size in columns:
         header += [f"{heading(METRICS[metric])} {size:g} m: paper", "ours"]
     rows = []
-    names = [n for n, entry in strategies().items() if name in entry.tables]
-    names += sorted(set(own["strategy"]) - set(strategies()))
+    names = in_order([*(n for n, entry in strategies().items() if name in entry.tables), *own["strategy"]])
     for strategy in names:
         entry = entry_of(strategy)
         lines = own[own["strategy"] == strategy].set_index(["metric", "size"])
@@ -200,9 +199,9 @@ def _paired(a: dict[int, float], b: dict[int, float]) -> str:
 
 def groups_of(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:
     """Trials of each strategy and size, in the registered order."""
-    order = {name: i for i, name in enumerate(strategies())}
-    cells = [((str(name), float(size)), cell) for (name, size), cell in trials.groupby(["strategy", "size"])]
-    return sorted(cells, key=lambda item: (order.get(item[0][0], len(order)), item[0]))
+    cells = {(str(name), float(size)): cell for (name, size), cell in trials.groupby(["strategy", "size"])}
+    order = {name: place for place, name in enumerate(in_order(name for name, _ in cells))}
+    return sorted(cells.items(), key=lambda item: (order[item[0][0]], item[0][1]))
 
 
 def heading(metric: Metric) -> str:
