@@ -144,7 +144,16 @@ def weights() -> str:
                 "validation: log e − log η": ", ".join(f"{card['validation']['objective']:.2f}" for card in own),
             }
         )
-    return _markdown(pd.DataFrame(rows))
+    return f"{_markdown(pd.DataFrame(rows))}\n\n{_throughput(cards)}"
+
+
+def _throughput(cards: list[dict]) -> str:
+    """What the trainings of these cards took together, until their best weights."""
+    steps, seconds = (sum(card[key] for card in cards) for key in ("steps", "wall_seconds"))
+    return (
+        f"Together, until their best weights: {len(cards)} trainings, {steps / 1e6:.1f} million simulated steps in "
+        f"{seconds / 60:,.0f} minutes,\n{steps / seconds:,.0f} steps a second, learning and validation included."
+    )
 
 
 def learning_causes() -> str:

@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -365,6 +366,25 @@ def test_a_training_is_not_overwritten(refused, tmp_path):
     assert everything(tmp_path) == before
 
 
+@pytest.mark.parametrize("resume", [(), ("--resume",)])
+def test_weights_without_a_checkpoint_are_not_overwritten(refused, tmp_path, resume):
+    """As where --out is the folder of the shipped weights, or the checkpoint was lost."""
+    train(tmp_path, episodes=4)
+    (tmp_path / "graph-stnn-0.last").unlink()
+    before = everything(tmp_path)
+    line = refused("graph-stnn", *resume)
+    assert f"'{tmp_path / 'graph-stnn-0.safetensors'}' holds weights but no checkpoint lies beside it" in line
+    assert everything(tmp_path) == before
+
+
+def test_a_checkpoint_without_its_best_weights_is_refused(refused, tmp_path):
+    """Else the best of later validations might be none, and weights named that do not exist."""
+    train(tmp_path, episodes=4)
+    (tmp_path / "graph-stnn-0.safetensors").unlink()
+    line = refused("graph-stnn", "--resume")
+    assert f"the best weights '{tmp_path / 'graph-stnn-0.safetensors'}', which are missing" in line
+
+
 def truncated(path):
     path.write_bytes(path.read_bytes()[:-100])
 
@@ -455,6 +475,25 @@ def test_a_full_disk(refused, tmp_path, monkeypatch, writes):
 def test_a_full_disk_for_the_curve(refused, tmp_path, monkeypatch):
     (tmp_path / "graph-stnn-0.curve.csv").mkdir()
     assert "graph-stnn-0.curve.csv' cannot be written" in refused("graph-stnn")
+
+
+def test_a_full_disk_leaves_the_old_curve(refused, tmp_path, monkeypatch):
+    """The disk fills up amid the curve of a training that goes on."""
+    train(tmp_path, episodes=8)
+    before = (tmp_path / "graph-stnn-0.curve.csv").read_text()
+    write = Path.write_text
+
+    def full(path, text, **options):
+        if ".curve.csv" not in path.name:
+            return write(path, text, **options)
+        write(path, text[:20], **options)
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    line = refused("graph-stnn", "--resume", "--episodes", 12)
+    assert "graph-stnn-0.curve.csv' cannot be written (No space left on device)" in line
+    assert (tmp_path / "graph-stnn-0.curve.csv").read_text() == before
+    assert not list(tmp_path.glob("*.part"))
 
 
 def test_a_training_that_diverges_says_where_and_keeps_the_best_weights(refused, tmp_path, monkeypatch):

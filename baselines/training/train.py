@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -133,7 +134,7 @@ class Training:
 
         Raises
         ------
-        RequestError : where it is damaged or that of another network.
+        RequestError : where it is damaged or that of another network, or its best weights are missing.
         """
         if not self.last_path.exists():
             return False
@@ -150,6 +151,11 @@ class Training:
                 f"checkpoint '{self.last_path}' is damaged ({describe_error(error)}); remove it and train without "
                 "--resume."
             ) from None
+        if self.log.validations and not self.best_path.exists():
+            raise RequestError(
+                f"'{self.last_path}' goes on from the best weights '{self.best_path}', which are missing; restore "
+                "them, or remove the checkpoint and train anew."
+            )
         return True
 
     def save(self) -> None:
@@ -203,10 +209,15 @@ class Training:
 
 
 def write_csv(path: Path, header: tuple[str, ...], rows: list[list[float]]) -> None:
-    """Write numbers with a header."""
+    """Write numbers with a header, atomically."""
     lines = [",".join(header), *(",".join(f"{value:.6g}" for value in row) for row in rows)]
+    half = path.with_name(f"{path.name}.{os.getpid()}.part")
     with writing(path):
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        try:
+            half.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            half.replace(path)
+        finally:
+            half.unlink(missing_ok=True)
 
 
 def greedy(network: Any, course: Course, count: int) -> list[Episode]:
@@ -242,13 +253,18 @@ def train(
 
     Raises
     ------
-    RequestError : when `out` cannot be written, holds a training that was not to be resumed, or the loss diverged.
+    RequestError : when `out` cannot be written, holds a training that was not to be resumed or weights without their
+        checkpoint, or the loss diverged.
     """
     run = Training(name, entry, seed, out)
     wanted = episodes or run.recipe.episodes
     resumed = resume and run.restore()
     if not resume and run.last_path.exists():
         raise RequestError(f"'{run.last_path}' holds a training already; add --resume to go on, or remove it.")
+    if not resumed and run.best_path.exists():
+        raise RequestError(
+            f"'{run.best_path}' holds weights but no checkpoint lies beside it; train with another --out, or remove it."
+        )
     if resumed:
         say(f"{name}, seed {seed}: going on after {run.log.episodes} episodes")
     run.save()
