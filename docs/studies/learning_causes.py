@@ -2,9 +2,10 @@
 
     python docs/studies/learning_causes.py [--out FOLDER] [VARIANT ...]
 
-Every variant is judged on validation worlds of another root than those that chose its weights; untrained strategies
-play the same worlds. The last variant is the shipped `graph-stnn-plus`, its first training seed. Trainings resume from
-FOLDER. Writes learning-causes.csv beside this file; docs/learning.md tells what came of it.
+Without a VARIANT all are trained and judged anew; with some the rows of the others stay. They are judged on validation
+worlds of another root than those that chose their weights; untrained strategies play the same worlds. The last variant
+is the shipped `graph-stnn-plus`, its first training seed. Trainings resume from FOLDER. Writes learning-causes.csv
+beside this file; docs/learning.md tells what came of it.
 """
 
 from __future__ import annotations
@@ -41,6 +42,14 @@ from explore_bench.strategy import make_strategy
 EPISODES = 3000
 WORLDS = {20.0: 100, 40.0: 16}
 UNTRAINED = ("nearest", "entropy", "uncertainty")
+
+
+def loud(sigma: float) -> GraphSTNN:
+    """Graph-STNN whose noisy layer begins with another σ₀ than 0.5."""
+    network = GraphSTNN()
+    inputs = network.noisy.sigma_weight.shape[1]
+    network.noisy = NoisyLinear(inputs, network.noisy.sigma_weight.shape[0], sigma)
+    return network
 
 
 class GraphPolicy(GraphSTNN):
@@ -87,6 +96,14 @@ VARIANTS: dict[str, train.Recipe] = {
     "the same, returns over 3 decisions (m of Eq. 21)": dataclasses.replace(
         FAITHFUL, settings=dataclasses.replace(RETURNS, reach=3)
     ),
+    "the same, exploration × 4 (σ₀ = 2)": dataclasses.replace(FAITHFUL, network=partial(loud, 2.0)),
+    "the same, γ = 1": dataclasses.replace(FAITHFUL, settings=dataclasses.replace(RETURNS, discount=1.0)),
+    "the same, one episode an update": dataclasses.replace(
+        FAITHFUL, settings=dataclasses.replace(RETURNS, episodes_per_update=1, rate=1e-3)
+    ),
+    "the same, 12,000 episodes": dataclasses.replace(
+        FAITHFUL, settings=dataclasses.replace(RETURNS, decay=12_000), episodes=12_000
+    ),
     "d along the path, returns": dataclasses.replace(FAITHFUL, network=partial(GraphSTNN, distance="path")),
     "Eq. 4, policy gradient": train.Recipe(GraphPolicy, PolicyGradientLearner, GRADIENT, EPISODES),
     "features of graph-stnn-plus, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
@@ -116,9 +133,7 @@ def learned(name: str, recipe: train.Recipe, out: Path) -> dict[str, object]:
     path = train.train("graph-stnn", entry, 0, None, True, out / re.sub(r"\W+", "-", name), print)
     network = recipe.network()
     load_weights(network, path)
-    return {"variant": name, "episodes": recipe.episodes} | scores(
-        lambda course, count: train.greedy(network, course, count)
-    )
+    return {"episodes": recipe.episodes} | scores(lambda course, count: train.greedy(network, course, count))
 
 
 def untrained(name: str) -> dict[str, object]:
@@ -135,7 +150,7 @@ def untrained(name: str) -> dict[str, object]:
 
         return play(course, range(count), act)
 
-    return {"variant": f"`{name}`", "episodes": 0} | scores(episodes)
+    return {"episodes": 0} | scores(episodes)
 
 
 def ruled(name: str) -> dict[str, object]:
@@ -145,7 +160,7 @@ def ruled(name: str) -> dict[str, object]:
     def act(waiting: list[int], observations: list[Observation]) -> list[int]:
         return [int(worth(exploration_graph(observation, columns)).argmax()) for observation in observations]
 
-    return {"variant": name, "episodes": 0} | scores(lambda course, count: play(course, range(count), act))
+    return {"episodes": 0} | scores(lambda course, count: play(course, range(count), act))
 
 
 def scores(episodes: Callable[[Course, int], list[Episode]]) -> dict[str, object]:
@@ -164,11 +179,20 @@ def main() -> None:
     """Run all variants, or those named."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/learning"))
-    parser.add_argument("variants", nargs="*", metavar="VARIANT", default=list(VARIANTS))
+    parser.add_argument("variants", nargs="*", metavar="VARIANT")
     asked = parser.parse_args()
-    rows = [learned(name, VARIANTS[name], asked.out) for name in asked.variants]
-    table = pd.DataFrame([*rows, *map(ruled, RULES), *map(untrained, UNTRAINED)])
-    table.to_csv(Path(__file__).with_name("learning-causes.csv"), index=False, float_format="%.4g")
+    makers = {name: partial(learned, name, VARIANTS[name], asked.out) for name in VARIANTS}
+    makers |= {name: partial(ruled, name) for name in RULES} | {
+        f"`{name}`": partial(untrained, name) for name in UNTRAINED
+    }
+    path = Path(__file__).with_name("learning-causes.csv")
+    rows = pd.read_csv(path).set_index("variant").to_dict("index") if asked.variants and path.is_file() else {}
+    for name in asked.variants or makers:
+        if name not in makers:
+            parser.error(f"there is no variant '{name}'; choose one of {', '.join(makers)}")
+        rows[name] = makers[name]()
+    table = pd.DataFrame([{"variant": name} | rows[name] for name in makers if name in rows])
+    table.to_csv(path, index=False, float_format="%.4g")
     print(table.to_string(index=False))
 
 
