@@ -206,7 +206,7 @@ def _of_training(comparison: Comparison, sign: float) -> Finding:
         for name in (comparison.better, comparison.worse)
     ]
     a, b = map(np.array, of_seeds)
-    if not len(a) or not len(b):
+    if not len(a) or not len(b) or not (np.isfinite(a).all() and np.isfinite(b).all()):
         return _nothing(comparison)
     gains = sign * np.subtract.outer(a, b).reshape(-1)
     return _finding(comparison, min(len(a), len(b)), a, b, mean_difference(a, b), permutation_p(a, b), gains, of_seeds)

@@ -95,7 +95,8 @@ def _common(a: pd.DataFrame, b: pd.DataFrame) -> tuple[list[pd.DataFrame], list[
     place = [*CELL, "trial", "world"]
     keys = [set(map(tuple, table[place].to_numpy().tolist())) for table in (a, b)]
     common = keys[0] & keys[1]
-    kept = [table[[tuple(row) in common for row in table[place].to_numpy().tolist()]] for table in (a, b)]
+    among = [np.array([tuple(row) in common for row in t[place].to_numpy().tolist()], dtype=bool) for t in (a, b)]
+    kept = [table[own] for table, own in zip((a, b), among, strict=True)]
     said = []
     for name, own in zip(("A", "B"), keys, strict=True):
         only = Counter(_place(key) for key in own - common)
@@ -104,7 +105,25 @@ def _common(a: pd.DataFrame, b: pd.DataFrame) -> tuple[list[pd.DataFrame], list[
         failed = int((table["status"] != "explored").sum())
         if failed:
             said.append(f"{failed} trials of {name} did not explore; they are scored by the rule for such trials")
-    return kept, said
+    return kept, said + _unlike_seeds(*kept)
+
+
+def _unlike_seeds(a: pd.DataFrame, b: pd.DataFrame) -> list[str]:
+    """Sentences on strategies whose training seeds differ: what differs may be the seeds, not the folders."""
+    seeds = [
+        {cell: tuple(sorted(set(own["training_seed"].dropna()))) for cell, own in table.groupby(CELL)}
+        for table in (a, b)
+    ]
+    return [
+        f"{_place(cell)}: training seeds {_listed(own)} in A, {_listed(seeds[1][cell])} in B; "
+        "each is averaged over its own"
+        for cell, own in seeds[0].items()
+        if own != seeds[1][cell]
+    ]
+
+
+def _listed(seeds: tuple[int, ...]) -> str:
+    return ", ".join(map(str, seeds)) or "none"
 
 
 def _place(cell: Any) -> str:

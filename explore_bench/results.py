@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.metrics import METRICS, regret
@@ -40,6 +41,9 @@ SUMMARY_COLUMNS = (
     *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
     *("seeds", "seed_low", "seed_high"),
 )
+TEXTS = ("strategy", "world", "status", "scenario")
+"""Columns of words among those that are read back; all others hold numbers."""
+
 KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
 TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
 
@@ -163,6 +167,9 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     lacking = [name for name in columns if name not in table.columns]
     if lacking:
         raise RequestError(f"'{path}' lacks the column '{lacking[0]}'; delete it and run again.")
+    worded = [name for name in columns if name not in TEXTS and len(table) and not is_numeric_dtype(table[name])]
+    if worded:
+        raise RequestError(f"'{path}' has something else than numbers in '{worded[0]}'; delete it and run again.")
     return table
 
 

@@ -108,8 +108,14 @@ def paired_difference(a: dict[int, float], b: dict[int, float], seed: int = 0) -
 
 
 def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
-    """Mean of a over mean of b, paired by world, shape (n,) each, with its percentile bootstrap interval."""
-    count, ratio = len(a), float(np.mean(a) / np.mean(b))
+    """Mean of a over mean of b, paired by world, shape (n,) each, with its percentile bootstrap interval.
+
+    NaN without an interval where b is 0 in every world.
+    """
+    count = len(a)
+    if not np.any(b):
+        return Estimate(math.nan, math.nan, math.nan, count)
+    ratio = float(np.mean(a) / np.mean(b))
     if count < 2:
         return Estimate(ratio, math.nan, math.nan, count)
     rng = stream("evaluate", seed, 0, 0, "statistics")
@@ -120,7 +126,8 @@ def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
 def mean_difference(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
     """Mean of a minus mean of b, unpaired, shapes (n,) and (m,), with its percentile bootstrap interval.
 
-    `n` of the result is that of the smaller sample; one value in either leaves the interval open.
+    `n` of the result is that of the smaller sample; one value in either leaves the interval open. Of a handful
+    of values it covers less than it says (89 % for five and five): the test by permutation is what counts there.
     """
     mean, count = float(np.mean(a) - np.mean(b)), min(len(a), len(b))
     if count < 2:

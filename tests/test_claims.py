@@ -144,6 +144,9 @@ def test_training_seeds_are_compared_unpaired(monkeypatch):
     values["b"] = [1.0]
     [finding] = found(rows("a", NOISE), claim=claim)
     assert (finding.n, finding.verdict) == (1, NOT_SHOWN)
+    values["b"] = [1.0, 1.1, math.nan]
+    [finding] = found(rows("a", NOISE), claim=claim)
+    assert (finding.n, finding.verdict) == (0, NOT_MEASURED)
     values["b"] = []
     [finding] = found(rows("a", NOISE), claim=claim)
     assert finding.verdict == NOT_MEASURED

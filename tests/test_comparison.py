@@ -95,6 +95,7 @@ def test_training_seeds_are_averaged_within_a_world_first(folders):
     found = compare_folders(*folders(rows([1.0] * 3, seed=0) + rows([3.0] * 3, seed=1), rows([2.5] * 3, seed=0)))
     assert found.differences[0].means == (2.0, 2.5)
     assert found.differences[0].n == 3
+    assert found.left_out == ("nearest, 20 m: training seeds 0, 1 in A, 0 in B; each is averaged over its own",)
 
 
 def test_a_metric_that_is_not_defined_is_left_out_by_name(folders):
@@ -111,6 +112,18 @@ def test_folders_without_a_common_world_or_without_trials_are_refused(folders, t
         compare_folders(a, b)
     with pytest.raises(RequestError, match=r"none.trials\.csv.*explore-bench run"):
         compare_folders(a, tmp_path / "none")
+
+
+def test_a_folder_whose_table_is_empty_or_damaged_is_refused_by_name(folders, tmp_path):
+    a, b = folders(rows([1.0, 2.0]), rows([1.0, 2.0]))
+    own = pd.read_csv(b / "trials.csv")
+    own[:0].to_csv(b / "trials.csv", index=False)
+    with pytest.raises(RequestError, match="no world in common"):
+        compare_folders(a, b)
+    for column in ("trajectory_error", "size"):
+        own.astype({column: object}).assign(**{column: [1.0, "oops"]}).to_csv(b / "trials.csv", index=False)
+        with pytest.raises(RequestError, match=rf"b.trials\.csv' has something else than numbers in '{column}'"):
+            compare_folders(a, b)
 
 
 def test_the_table_and_the_json_say_the_same(folders):

@@ -245,6 +245,13 @@ def test_a_ratio_of_means_resamples_worlds_together():
     assert math.isnan(ratio_interval(other[:1], SKEWED[:1]).low)
 
 
+def test_a_ratio_to_nothing_is_not_defined():
+    estimate = ratio_interval(np.ones(4), np.zeros(4))
+    assert math.isnan(estimate.mean)
+    assert math.isnan(estimate.low)
+    assert estimate.n == 4
+
+
 def test_holm_by_hand():
     """Sorted 0.01, 0.02, 0.03 times 3, 2, 1, never falling; more than one is one; no p-value is not of the family."""
     np.testing.assert_allclose(holm([0.02, 0.01, 0.03]), [0.04, 0.03, 0.04])

@@ -11,6 +11,7 @@ from explore_bench.records import TrialRecord
 from explore_bench.registry import strategies
 from explore_bench.report.style import entry_of
 from explore_bench.report.tables import PAPER_TABLES, Scope, Table, shown_name
+from explore_bench.suites import SUITES
 
 
 def endings_table(records: Sequence[TrialRecord]) -> Table:
@@ -51,8 +52,30 @@ def gaps(trials: pd.DataFrame, stale: int = 0) -> list[str]:
         found.append(f"Not trained, hence not run: {'; '.join(untrained)}.")
     for size, here in trials.groupby("size"):
         found += _unequal(float(str(size)), here)
+    found += _skipped(trials)
     if not any(finite >= 2 for finite in trials.groupby(["strategy", "size"])["trial"].nunique()):
         found.append("Each strategy tried one world only, so there are no intervals.")
+    return found
+
+
+def _skipped(trials: pd.DataFrame) -> list[str]:
+    """Sentences on strategies and training seeds that ran, but not at a size at which others did and they belong."""
+    found = []
+    known, suite = strategies(), SUITES["paper"]
+    ran = {
+        (str(name), seed, size) for name, seed, size in trials[["strategy", "training_seed", "size"]].values.tolist()
+    }
+    for name in dict.fromkeys(trials["strategy"]):
+        if name not in known:
+            continue
+        for size in sorted(set(suite.sizes_of(known[name])) & set(trials["size"])):
+            here = {seed for own, seed, at in ran if own == name and at == size}
+            lacking = [seed for seed in known[name].weights if seed not in here]
+            if not here:
+                found.append(f"{entry_of(name).label} has no trials of {size:g} m.")
+            elif lacking and not all(map(pd.isna, here)):
+                which = ", ".join(map(str, lacking))
+                found.append(f"{entry_of(name).label} has no trials of {size:g} m of training seeds {which}.")
     return found
 
 

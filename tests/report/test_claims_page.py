@@ -7,7 +7,16 @@ import pandas as pd
 import pytest
 
 from explore_bench.claims import Claim, Comparison, claims, examine
-from explore_bench.report.claims import HEADER, comparison_table, examined, overview, sentence, write_claims
+from explore_bench.report.claims import (
+    HEADER,
+    claims_section,
+    comparison_table,
+    examined,
+    overview,
+    sentence,
+    write_claims,
+)
+from explore_bench.training_curve import TRAINING_METRICS
 
 CLAIM = Claim("x", "Nearest beats random.", (Comparison("nearest", "random", "trajectory_error", 20.0),), False)
 
@@ -42,14 +51,16 @@ def test_a_row_holds_every_number(trials):
 
 def test_a_sentence_says_it_in_plain_words(trials):
     text = sentence(examine(CLAIM, trials)[0])
-    assert text.startswith("Nearest has 42 % lower e than Random at 20 m (1.100 to 1.900 m; difference −0.800 [")
+    assert text.startswith(
+        "Nearest has 42 % lower trajectory error e than Random at 20 m (1.100 to 1.900 m; difference −0.800 ["
+    )
     assert text.endswith(": supported.")
 
 
 def test_what_was_not_measured_is_said(trials):
     only = trials[trials["strategy"] == "random"]
     [finding] = examine(CLAIM, only)
-    assert sentence(finding) == "Nearest and Random at 20 m: not both measured in e."
+    assert sentence(finding) == "Nearest and Random at 20 m: not both measured in trajectory error e."
     [row] = comparison_table(CLAIM, [finding]).rows
     assert row[4:6] == ("not measured", "0")
 
@@ -65,4 +76,16 @@ def test_all_claims_are_written_with_a_verdict_each_and_the_same_bytes_twice(tri
     for claim, value in zip(claims(), values, strict=True):
         assert f"## Claim ({claim.name}): {value['verdict']}" in page
         assert len(value["comparisons"]) == len(claim.comparisons)
+        words = [own["sentence"] for own in value["comparisons"]]
+        assert all(f"\n- {own}\n" in page for own in words)
     assert page.count("\n- ") == sum(len(claim.comparisons) for claim in claims())
+
+
+def test_the_page_says_every_comparison_in_words_and_explains_what_was_measured(trials):
+    section = claims_section(examined(trials))
+    pairs = zip(section.tables[1::2], section.tables[2::2], strict=True)
+    for (claim, findings), (words, numbers) in zip(examined(trials).items(), pairs, strict=True):
+        assert claim.name in words.title
+        assert [row[-1] for row in words.rows] == [sentence(finding) for finding in findings]
+        assert numbers == comparison_table(claim, findings)
+    assert all(metric.symbol in section.paragraphs[1] for metric in TRAINING_METRICS.values())

@@ -285,6 +285,23 @@ def test_unequal_sets_of_worlds_are_said():
     assert not [line for line in gaps(trial_table(own)) if "lacks" in line]
 
 
+def test_a_size_or_a_training_seed_that_a_strategy_skipped_is_said():
+    own = pd.DataFrame(
+        [("nearest", None, 20.0), ("nearest", None, 40.0), ("random", None, 20.0)]
+        + [("gcn-no-obs", seed, size) for seed, size in ((0, 20.0), (1, 20.0), (2, 20.0), (0, 40.0))],
+        columns=["strategy", "training_seed", "size"],
+    ).assign(trial=0)
+    own["training_seed"] = own["training_seed"].astype("Int64")
+    found = gaps(own)
+    assert "Random has no trials of 40 m." in found
+    assert "GCN-no_obs has no trials of 40 m of training seeds 1, 2." in found
+    assert not [line for line in found if "of 20 m" in line or line.startswith("Nearest")]
+
+
+def test_the_player_says_how_to_watch_any_other_trial(page):
+    assert "explore-bench demo STRATEGY --size M --trial WORLD --output trial.html" in page.words
+
+
 @pytest.mark.parametrize(("stale", "words"), [(1, "1 stored trial was"), (7, "7 stored trials were")])
 def test_trials_of_older_code_are_left_out_and_counted(content, stale, words):
     text = render_page(dataclasses.replace(content, stale=stale))

@@ -6,7 +6,7 @@
   // Tables: what is ticked is shown.
 
   const filter = $("filter");
-  const rows = [...document.querySelectorAll("#tables tr[data-s], #endings tr[data-s]")];
+  const rows = [...document.querySelectorAll("#main tr[data-s]")];
   const inTables = rows.filter((row) => row.closest("#tables"));
 
   function unticked(name) {
