@@ -21,7 +21,9 @@ class Network(torch.nn.Sequential):
     """Scores of candidates, shape (C,), from their features, shape (C, 4)."""
 
     def __init__(self) -> None:
-        super().__init__(torch.nn.Linear(len(COLUMNS), 16), torch.nn.Tanh(), torch.nn.Linear(16, 1), torch.nn.Flatten(0))
+        super().__init__(
+            torch.nn.Linear(len(COLUMNS), 16), torch.nn.Tanh(), torch.nn.Linear(16, 1), torch.nn.Flatten(0)
+        )
 
 
 class Learned:

@@ -10,6 +10,7 @@ the benchmark shares, so nothing of what is measured later has been seen.
 import argparse
 from pathlib import Path
 
+import numpy as np
 import torch
 from learned import Network, features
 from safetensors.torch import save_file
@@ -26,24 +27,24 @@ RATE = 0.02
 def play(network: Network, scenario: Scenario, seed: int, episode: int) -> tuple[torch.Tensor, float]:
     """Log-probability of the choices of an episode, and η, what it was worth [m²/step]."""
 
-    def generator(role):  # noqa: ANN001, ANN202
+    def generator(role: str) -> np.random.Generator:
         return stream("train", seed, scenario.size, episode, role)
 
     draws = torch.Generator().manual_seed(int(generator("learning").integers(2**62)))
     events = rollout(scenario, draw_world(scenario, generator("world")), generator("motion"), generator("sensor"))
-    log_probability, choice = torch.zeros(()), None
-    while True:
-        try:
-            event = events.send(choice)
-        except StopIteration:
-            return log_probability, (scenario.prior_uncertainty - last.uncertainty) / max(last.step, 1)
-        choice = None
+    log_probability, last, event = torch.zeros(()), None, next(events)
+    while event is not None:
         if isinstance(event, Step):
-            last = event
+            last, choice = event, None
         else:
             log_probabilities = torch.log_softmax(network(features(event)), dim=0)
             choice = int(torch.multinomial(log_probabilities.detach().exp(), 1, generator=draws))
             log_probability = log_probability + log_probabilities[choice]
+        try:
+            event = events.send(choice)
+        except StopIteration:
+            event = None
+    return log_probability, (scenario.prior_uncertainty - last.uncertainty) / max(last.step, 1)
 
 
 def train(output: Path, batches: int, seed: int, size: float) -> None:
