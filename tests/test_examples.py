@@ -94,7 +94,7 @@ def test_the_learned_example_has_learned_something(tmp_path):
 
 def test_weights_of_another_network_are_refused_in_a_sentence(tmp_path):
     (tmp_path / "none.safetensors").write_bytes(b"none")
-    name, entry = lookup(f"{EXAMPLES / 'learned.py'}:Learned[weights={tmp_path / 'none.safetensors'}]")
+    _, entry = lookup(f"{EXAMPLES / 'learned.py'}:Learned[weights={tmp_path / 'none.safetensors'}]")
     with pytest.raises(explore_bench.RequestError, match=r"none\.safetensors.*train_learned"):
         load_factory(entry.factory)(weights=entry.weights[0])
 
