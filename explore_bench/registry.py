@@ -58,6 +58,8 @@ def _entries(point: EntryPoint) -> dict[str, Entry]:
         try:
             if not isinstance(name, str) or not re.fullmatch(r"[^\[\]:]+", name):
                 raise ValueError(f"{name!r} is no name of a strategy")
+            if not isinstance(entry, Entry | str):
+                raise TypeError(f"'{name}' is {entry!r}, neither an Entry nor 'module:factory'")
             found[name] = entry if isinstance(entry, Entry) else plugin_entry(entry, name)
         except Exception as error:
             shown = str(name)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -171,20 +172,53 @@ def test_the_paper_has_four_claims_about_registered_strategies_and_no_reference(
     assert [claim.architecture for claim in numbered] == [True, True, False, True]
 
 
-def test_an_entry_point_that_cannot_be_loaded_is_named(monkeypatch):
-    class Broken:
-        name, value = "mine", "mine:CLAIMS"
+@pytest.fixture
+def claimed(monkeypatch):
+    """Return a function that gives the claims of packages whose entry points load by these calls."""
 
-        def load(self):
-            raise ImportError("no mine")
-
-    monkeypatch.setattr(module, "entry_points", lambda group: [Broken()])
-    claims.cache_clear()
-    try:
-        with pytest.raises(RequestError, match=r"mine:CLAIMS.*no mine"):
-            claims()
-    finally:
+    def read(**loads):
+        points = [SimpleNamespace(name=name, value=f"{name}:CLAIMS", load=load) for name, load in loads.items()]
+        monkeypatch.setattr(module, "entry_points", lambda group: points)
         claims.cache_clear()
+        return claims()
+
+    yield read
+    claims.cache_clear()
+
+
+def raising(error):
+    def load():
+        raise error
+
+    return load
+
+
+OURS = Claim("x", "a beats b.", (Comparison("a", "b", "trajectory_error", 20.0),))
+WRONG = Claim("y", "a beats b.", (Comparison("a", "b", "no_such", 20.0),))
+
+
+def test_packages_add_claims_after_the_project_s_own(claimed):
+    theirs = Claim("theirs", "b beats a.", OURS.comparisons)
+    assert claimed(another=lambda: (theirs,), baselines=lambda: [OURS]) == (OURS, theirs)
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [
+        (raising(ImportError("no mine")), "ImportError: no mine"),
+        (raising(SystemExit(3)), "SystemExit: 3"),
+        (lambda: 3, "TypeError"),
+        (lambda: [OURS, "a beats b"], "'a beats b' is no Claim"),
+        (lambda: [WRONG], "'no_such'"),
+    ],
+)
+def test_an_entry_point_that_cannot_be_used_is_a_claim_that_says_why_beside_the_others(claimed, load, words):
+    ours, broken = claimed(baselines=lambda: [OURS], mine=load)
+    assert ours == OURS
+    assert broken.name == "mine"
+    assert all(part in broken.statement for part in ("mine:CLAIMS", words, "uninstall"))
+    findings = examine(broken, rows("a", NOISE))
+    assert (findings, verdict(findings)) == ([], NOT_MEASURED)
 
 
 def test_values_can_be_written_as_json():

@@ -3,6 +3,8 @@
 import ast
 import importlib
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -205,6 +207,16 @@ def test_all_public_names_of_the_package_can_be_had():
         assert getattr(explore_bench, name).__name__ == name
     with pytest.raises(AttributeError, match="nothing_of_the_kind"):
         _ = explore_bench.nothing_of_the_kind
+
+
+def test_importing_the_package_takes_under_0_3_seconds():
+    """Processor time, the best of five: a busy machine slows a process down and never speeds it up."""
+    code = "import sys, time; begin = time.process_time(); import explore_bench; print(time.process_time() - begin)"
+    code += "; print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    found = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(5)]
+    assert min(float(one.stdout.splitlines()[0]) for one in found) < 0.3
+    heavy = {"gtsam", "gymnasium", "joblib", "matplotlib", "numba", "numpy", "pandas", "pyarrow", "scipy", "torch"}
+    assert not heavy & set(found[0].stdout.splitlines()[1].split())
 
 
 # Layers and cycles

@@ -50,6 +50,7 @@ def test_a_key_is_twenty_hexadecimal_digits():
         {"parameters": {"weight": 0.5}},
         {"reference": True},
         {"training_seed": 0},
+        {"broken": "it cannot be imported"},
         {"scenario": TINY.replace(coverage=0.79)},
         {"scenario": TINY.replace(size=14.0)},
         {"factory": "baselines.random_walk:Random"},
@@ -294,6 +295,49 @@ def test_a_module_of_the_strategy_s_own_package_counts_however_it_is_imported(pa
     assert package("strategy", strategy=statement, maths="def f(): return 1  # the same") == before
 
 
+def test_a_package_outside_of_the_libraries_counts_for_a_file_that_imports_it(package, tmp_path, fresh_digests):
+    """In a checkout, say, or installed from one to be edited."""
+    plugin = write_plugin(tmp_path, head="from someones_package.maths import f")
+    keys = []
+    for source in ("f = 1", "f = 2", "f = 1  # the same"):
+        package("strategy", maths=source)
+        keys.append(key_of(plugin))
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_a_file_beside_the_plugin_counts_where_it_can_be_imported(tmp_path, monkeypatch, fresh_digests):
+    plugin, beside = write_plugin(tmp_path, head="import beside_the_plugin"), tmp_path / "beside_the_plugin.py"
+    beside.write_text("f = 1\n")
+    assert "beside_the_plugin" not in modules(plugin)
+    monkeypatch.syspath_prepend(tmp_path)
+    fresh_digests()
+    before = key_of(plugin)
+    beside.write_text("f = 2\n")
+    fresh_digests()
+    assert key_of(plugin) != before
+
+
+def test_packages_that_register_strategies_count_by_source_wherever_they_lie(tmp_path):
+    followed = modules(write_plugin(tmp_path, head="from baselines.nearest import Nearest"))
+    assert "baselines.nearest" in followed
+    assert provenance._counts_by_source("baselines")
+    assert not provenance._counts_by_source("pytest")
+    assert not provenance._counts_by_source("no_such_package_anywhere")
+    assert not provenance._counts_by_source("json")
+
+
+def test_an_installed_package_counts_by_source_for_its_own_strategy_alone(tmp_path, monkeypatch, fresh_digests):
+    library = tmp_path / "site-packages" / "someones_library"
+    library.mkdir(parents=True)
+    (library / "__init__.py").write_text("")
+    (library / "strategy.py").write_text("from .maths import f\n")
+    (library / "maths.py").write_text("f = 1\n")
+    monkeypatch.syspath_prepend(library.parent)
+    fresh_digests()
+    assert "someones_library.maths" in modules("someones_library.strategy:Mine")
+    assert "someones_library.maths" not in modules(write_plugin(tmp_path, head="import someones_library.maths"))
+
+
 def test_a_module_imported_by_an_imported_one_counts(package):
     chain = {"strategy": "from .a import f", "a": "from .b import f"}
     assert package("strategy", **chain, b="f = 1") != package("strategy", **chain, b="f = 2")
@@ -402,6 +446,27 @@ def test_libraries_that_the_trial_s_code_imports_enter_with_their_versions():
 def test_a_strategy_that_imports_torch_depends_on_its_version(tmp_path):
     factory = write_plugin(tmp_path, head="import torch")
     assert library_versions(parse_factory(factory)[0])["torch"] == installed_version("torch")
+
+
+def test_every_library_that_a_plugin_imports_enters_with_its_version(tmp_path):
+    factory = write_plugin(tmp_path, head="import json, pytest, yaml_is_no_module\nfrom PIL import Image")
+    versions = library_versions(parse_factory(factory)[0])
+    assert versions["pytest"] == installed_version("pytest")
+    assert versions["PIL"] == installed_version("pillow") != "absent"
+    assert versions["yaml_is_no_module"] == "absent"
+    assert "json" not in versions
+    assert "pydantic" not in versions, "what the core imports beyond its LIBRARIES changes no number"
+
+
+def test_installing_what_a_plugin_lacked_changes_its_key(tmp_path, monkeypatch, fresh_digests):
+    plugin = write_plugin(tmp_path, head="import lacking_so_far")
+    before = key_of(plugin)
+    folder = tmp_path / "site-packages"
+    folder.mkdir()
+    (folder / "lacking_so_far.py").write_text("")
+    monkeypatch.syspath_prepend(folder)
+    fresh_digests()
+    assert key_of(plugin) != before
 
 
 def test_another_version_of_a_library_changes_the_key(monkeypatch, fresh_digests):

@@ -1,19 +1,31 @@
 """From names to entries: registered ones, modules, files, near spellings, and plugins that are broken."""
 
 import dataclasses
+import itertools
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from handmade import write_plugin
+from handmade import TINY, write_plugin
 
 from explore_bench import registry
 from explore_bench.errors import RequestError, unknown
-from explore_bench.registry import GROUP, PLUGIN_COLORS, lookup, parameter_count, plugin_entry, strategies
+from explore_bench.registry import (
+    GROUP,
+    PLUGIN_COLORS,
+    entry_named,
+    in_order,
+    lookup,
+    parameter_count,
+    plugin_entry,
+    strategies,
+)
 from explore_bench.runner import check_runnable
+from explore_bench.spec import Status
 from explore_bench.strategy import Entry, describe, make_strategy, parse_factory
 from explore_bench.suites import plan
+from explore_bench.trial import run_trial
 from explore_bench.weights import weights_file
 
 
@@ -113,9 +125,17 @@ def test_a_plugin_belongs_to_the_tables_that_compare_methods():
     assert plugin_entry("a:B", "B").published == {}
 
 
-def test_the_colour_of_a_plugin_follows_from_its_name():
+def test_the_colour_of_a_plugin_follows_from_its_name_alone():
     assert plugin_entry("a:B", "B").color == plugin_entry("c:D", "B").color
-    assert {plugin_entry("a:B", name).color for name in "ABCDEFGHIJ"} == set(PLUGIN_COLORS)
+    assert {plugin_entry("a:B", f"plugin-{i}").color for i in range(300)} == set(PLUGIN_COLORS)
+
+
+def test_no_plugin_has_the_colour_of_a_registered_strategy():
+    """Nor do two of theirs look alike."""
+    assert not {entry.color for entry in strategies().values()} & set(PLUGIN_COLORS)
+    for one, other in itertools.combinations(PLUGIN_COLORS, 2):
+        apart = [abs(int(one[i : i + 2], 16) - int(other[i : i + 2], 16)) for i in (1, 3, 5)]
+        assert max(apart) >= 30, (one, other)
 
 
 def test_a_missing_file_is_refused_by_its_path(tmp_path):
@@ -138,26 +158,152 @@ def test_the_last_colon_separates():
     assert parse_factory("/tmp/a:b/c.py:Name") == ("/tmp/a:b/c.py", "Name")
 
 
+# Parameters and weights
+
+
+def test_parameters_override_those_of_the_entry_and_are_in_the_name_and_the_label():
+    name, entry = lookup("graph-stnn-1-layer[ state = false ]")
+    base = strategies()["graph-stnn-1-layer"]
+    assert name == "graph-stnn-1-layer[state=false]"
+    assert entry.label == "Graph-STNN, 1 GCN layer [state=false]"
+    assert entry.parameters == {"layers": 1, "state": False}
+    assert (entry.factory, entry.tables, entry.weights) == (base.factory, base.tables, base.weights)
+    assert lookup("graph-stnn-1-layer[layers=2]")[1].parameters == {"layers": 2}
+
+
+def test_one_spelling_of_parameters_is_as_good_as_another():
+    assert lookup("uncertainty[weight=0.10]") == lookup("uncertainty[ weight=1e-1 ]")
+    assert lookup("entropy[]") == lookup("entropy")
+    with pytest.raises(RequestError, match="same name"):
+        plan("smoke", ["uncertainty[weight=0.10]", "uncertainty[weight=0.1]"])
+
+
+def test_no_paper_prints_a_variant():
+    assert strategies()["entropy"].published
+    assert lookup("entropy[alpha=0.5]")[1].published == {}
+
+
+def test_the_colours_of_variants_differ_from_their_plugin_s_and_follow_from_the_name(tmp_path):
+    plugin = write_plugin(tmp_path)
+    colors = [lookup(f"{plugin}{own}")[1].color for own in ("", "[k=1]", "[k=2]", "[k=3]", "[k=4]")]
+    assert colors[0] not in colors[1:]
+    assert len(set(colors)) > 2
+    assert entry_named("Plugin[k=2]").color == colors[2]
+
+
+def test_a_file_s_parameters_reach_its_factory(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("class Mine:\n    def __init__(self, k, name='x'): self.got = (k, name)\n")
+    name, entry = lookup(f'{file}:Mine[name="a b", k=3]')
+    assert name == 'Mine[k=3, name="a b"]'
+    assert make_strategy(entry.factory, entry.parameters).got == (3, "a b")
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("entropy[alpah=0.5]", ["alpha", "alpah=0.5"]),
+        ("entropy[alpha=-1]", ["alpha", "-1", "above 0"]),
+        ("nearest[k=1]", ["baselines.nearest:Nearest", "k=1"]),
+        ("gcn-obs[layers=9]", ["baselines.learned.gcn", "layers=9"]),
+    ],
+)
+def test_parameters_that_a_strategy_does_not_take_are_a_wrong_request(asked, words):
+    sentence = message(check_runnable, plan("smoke", [asked], trials=1).specs)
+    assert all(word in sentence for word in words), sentence
+
+
+def test_weights_become_the_entry_s_and_only_their_file_name_is_in_the_strategy_s(tmp_path, monkeypatch):
+    plugin = write_plugin(tmp_path)
+    (tmp_path / "deep").mkdir()
+    for name in ("a.safetensors", "deep/b.safetensors"):
+        (tmp_path / name).write_bytes(b"")
+    monkeypatch.chdir(tmp_path)
+    name, entry = lookup(f"{plugin}[weights=deep/b.safetensors, k=1]")
+    assert name == 'Plugin[k=1, weights="b.safetensors"]'
+    assert entry.weights == {0: str(tmp_path / "deep" / "b.safetensors")}, "workers run in other folders"
+    assert entry.parameters == {"k": 1}
+    assert lookup(f'{plugin}[weights=["a.safetensors", "deep/b.safetensors"]]')[1].weights.keys() == {0, 1}
+    specs = plan("smoke", [f"{plugin}[weights=deep/b.safetensors]"], trials=1).specs
+    assert specs[0].arguments == {"weights": str(tmp_path / "deep" / "b.safetensors")}
+
+
+def test_weights_of_a_package_are_named_by_it():
+    shipped = strategies()["gcn-obs"].weights[1]
+    name, entry = lookup(f'gcn-obs[weights="{shipped}"]')
+    assert entry.weights == {0: shipped}
+    assert name == 'gcn-obs[weights="gcn-obs-1.safetensors"]'
+
+
+@pytest.mark.parametrize("weights", ["nowhere.safetensors", "3", "[]", '["nowhere.safetensors"]', '"a:b"'])
+def test_weights_that_are_not_there_are_refused(tmp_path, weights):
+    assert "weights" in message(lookup, f"{write_plugin(tmp_path)}[weights={weights}]")
+
+
+def test_a_plugin_may_not_take_the_name_of_a_registered_strategy(tmp_path):
+    """Its rows would stand under the other's label, beside what the paper prints of that."""
+    (tmp_path / "mine.py").write_text("class nearest: ...\n")
+    sentence = message(lookup, f"{tmp_path / 'mine.py'}:nearest")
+    assert "'nearest'" in sentence
+    assert "rename" in sentence
+
+
+# Names of records
+
+
+def test_a_name_alone_says_what_is_shown_of_a_strategy_that_is_not_registered(tmp_path):
+    plugin = write_plugin(tmp_path)
+    for asked in ("entropy[alpha=0.5]", "nearest", plugin, f"{plugin}[k=3, name=x]"):
+        name, entry = lookup(asked)
+        shown = entry_named(name)
+        assert (shown.label, shown.color, shown.tables) == (entry.label, entry.color, entry.tables)
+    assert entry_named("Plugin[half").label == "Plugin[half"
+
+
+def test_variants_follow_their_strategy_and_plugins_come_last():
+    names = ["Mine[k=3]", "random", "entropy[alpha=2]", "Mine", "entropy", "A", "entropy[alpha=0.5]", "random"]
+    assert in_order(names) == [
+        *("entropy", "entropy[alpha=0.5]", "entropy[alpha=2]", "random"),
+        *("A", "Mine", "Mine[k=3]"),
+    ]
+
+
 # Plugins that are broken
+
+
+BROKEN = [
+    ("class Plugin(:\n", "SyntaxError"),
+    ("import no_such_module_anywhere\n", "no_such_module_anywhere"),
+    ("1 / 0\n", "ZeroDivisionError"),
+    ("raise SystemExit(3)\n", "SystemExit"),
+    ("class Plugin:\n    def __init__(self): raise RuntimeError('first\\nsecond')\n", "RuntimeError: first"),
+    ("class Plugin:\n    def choose(self, observation): ...\n", "no method reset"),
+    ("class Plugin:\n    def reset(self, rng): ...\n", "no method choose"),
+    ("class Plugin:\n    reset = choose = 3\n", "no method reset"),
+    ("Plugin = 3\n", "int"),
+]
+
+
+@pytest.mark.parametrize(("source", "words"), BROKEN)
+def test_a_broken_plugin_is_a_failed_trial_that_is_tried_again(tmp_path, source, words):
+    """The request was right, and whatever it lacks may be there the next time."""
+    file = tmp_path / "broken.py"
+    file.write_text(source)
+    specs = plan("smoke", [f"{file}:Plugin"], [TINY.size], 1, scenario=TINY).specs
+    check_runnable(specs)
+    result = run_trial(specs[0])
+    assert (result.status, result.transient, result.steps) == (Status.FAILED, True, [])
+    assert words in result.reason
+    assert "before the first decision" in result.reason
+    assert "\n" not in result.reason
 
 
 @pytest.mark.parametrize(
     ("source", "words"),
-    [
-        ("class Plugin(:\n", "SyntaxError"),
-        ("import no_such_module_anywhere\n", "no_such_module_anywhere"),
-        ("1 / 0\n", "ZeroDivisionError"),
-        ("raise SystemExit(3)\n", "SystemExit"),
-        ("class Other: ...\n", "'Plugin'"),
-        ("class Plugin:\n    def __init__(self, weight): ...\n", "weight"),
-        ("class Plugin:\n    def __init__(self): raise RuntimeError('first\\nsecond')\n", "RuntimeError: first"),
-        ("class Plugin:\n    def choose(self, observation): ...\n", "no method reset"),
-        ("class Plugin:\n    def reset(self, rng): ...\n", "no method choose"),
-        ("class Plugin:\n    reset = choose = 3\n", "no method reset"),
-    ],
+    [("class Other: ...\n", "'Plugin'"), ("class Plugin:\n    def __init__(self, weight): ...\n", "(weight)")],
 )
-def test_a_broken_plugin_is_refused_before_anything_runs(tmp_path, source, words):
-    file = tmp_path / "broken.py"
+def test_a_plugin_that_was_asked_for_wrongly_is_refused_before_anything_runs(tmp_path, source, words):
+    file = tmp_path / "wrong.py"
     file.write_text(source)
     sentence = message(check_runnable, plan("smoke", [f"{file}:Plugin"], trials=1).specs)
     assert str(file) in sentence
@@ -181,7 +327,8 @@ def test_a_module_that_does_not_exist_is_refused_by_its_name():
 def test_a_strategy_that_is_told_the_truth_needs_another_method(tmp_path, entry_points):
     factory = write_plugin(tmp_path)
     entry_points(mine={"mine": Entry(factory, "Mine", reference=True)})
-    assert "reset_with_world" in message(check_runnable, plan("smoke", ["mine"], trials=1).specs)
+    specs = plan("smoke", ["mine"], [TINY.size], 1, scenario=TINY).specs
+    assert "reset_with_world" in run_trial(specs[0]).reason
 
 
 def test_parameters_that_a_factory_refuses_are_named(tmp_path):
@@ -261,17 +408,39 @@ def fails_to_load():
     raise ImportError("cannot import name 'STRATEGIES'")
 
 
-@pytest.mark.parametrize(
-    "mapping",
-    [fails_to_load, lambda: 3, {"a": 7}, {"a": "no colon"}],
-    ids=["cannot be imported", "no mapping", "no entry", "no factory"],
-)
-def test_an_entry_point_that_cannot_be_used_is_refused_by_its_name(entry_points, mapping):
-    entry_points(theirs=mapping)
-    sentence = message(strategies)
-    assert "'theirs'" in sentence
-    assert GROUP in sentence
-    assert "uninstall" in sentence
+def exits():
+    raise SystemExit(3)
+
+
+UNUSABLE = {
+    "cannot be imported": (fails_to_load, "theirs", "cannot import name 'STRATEGIES'"),
+    "exits": (exits, "theirs", "SystemExit: 3"),
+    "no mapping": (lambda: 3, "theirs", "TypeError"),
+    "no entry": ({"a": 7, "good": "theirs:A"}, "a", "7"),
+    "no factory": ({"a": "no colon", "good": "theirs:A"}, "a", "no colon"),
+    "no name": ({"a[b]": "theirs:A", "good": "theirs:A"}, "a[b]", "is no name"),
+}
+
+
+@pytest.mark.parametrize("kind", UNUSABLE)
+def test_an_entry_point_that_cannot_be_used_is_a_broken_strategy_among_the_others(entry_points, kind):
+    mapping, name, words = UNUSABLE[kind]
+    entry_points(baselines={"ours": "baselines.nearest:Nearest"}, theirs=mapping)
+    known = strategies()
+    assert known.keys() == {"ours", name} | ({"good"} if isinstance(mapping, dict) else set())
+    assert not known["ours"].broken
+    assert all(part in known[name].broken for part in (words, "'theirs'", GROUP, "uninstall"))
+    specs = plan("smoke", [], [TINY.size], 1, scenario=TINY).specs
+    check_runnable([spec for spec in specs if spec.strategy != "good"])
+    reasons = {spec.strategy: run_trial(spec).reason for spec in specs}
+    assert known[name].broken in reasons[name]
+    assert reasons["ours"] == ""
+
+
+def test_what_an_entry_point_prints_goes_to_stderr(entry_points, capsys):
+    entry_points(theirs=lambda: print("hello") or {"a": "theirs:A"})
+    assert list(strategies()) == ["a"]
+    assert capsys.readouterr() == ("", "hello\n")
 
 
 # Entries

@@ -276,6 +276,28 @@ def test_a_plugin_stands_in_both_tables_after_the_registered_strategies(trials):
     assert summary["strategy"].iloc[-1] == "mine"
 
 
+def test_a_variant_stands_in_the_tables_of_its_strategy_after_it_and_no_paper_prints_it(trials):
+    variant = trials[trials["strategy"] == "random"].assign(strategy="random[bias=0.5]")
+    summary = summary_table(pd.concat((trials, variant)))
+    own = lines(summary, strategy="random[bias=0.5]")
+    assert set(own["table"]) == {"table2"}
+    assert own["paper"].isna().all()
+    order = list(dict.fromkeys(summary["strategy"]))
+    assert order.index("random[bias=0.5]") == order.index("random") + 1
+
+
+def test_two_sets_of_weights_of_one_name_are_refused(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.bin").write_bytes(name.encode())
+    made = explored(100)
+    two = [
+        with_spec(made, trial=i, training_seed=0, weights=str(tmp_path / f"{name}.bin")) for i, name in enumerate("ab")
+    ]
+    assert len(trial_table(two[:1])) == 1
+    with pytest.raises(RequestError, match=r"the weights .*a\.bin and for the weights .*b\.bin in one folder"):
+        trial_table(two)
+
+
 def test_training_seeds_are_averaged_within_a_world_first():
     """Worlds count once each: n = 2, not 6."""
     table = trial_table(seeded({(0, 0): 100, (1, 0): 140, (2, 0): 120, (0, 1): 220, (1, 1): 200, (2, 1): 180}))

@@ -11,7 +11,7 @@ import explore_bench
 from explore_bench import runner
 from explore_bench.errors import RequestError
 from explore_bench.records import Store, missing
-from explore_bench.runner import IncompleteError, complete, default_workers, execute
+from explore_bench.runner import IncompleteError, check_runnable, complete, default_workers, execute
 from explore_bench.spec import Status
 from explore_bench.suites import plan
 
@@ -313,6 +313,55 @@ def test_a_trial_that_kills_its_worker_is_a_failed_row_and_the_others_go_on(stor
     assert "worker process died" in killers["reason"].iloc[0]
     assert set(table[table["strategy"] == "nearest"]["status"]) == {"explored"}
     assert list(missing(store, [*good, *bad])) == list(bad), "what was killed from outside is worth another try"
+
+
+def test_a_single_worker_is_another_process_too(store, tmp_path):
+    """A strategy that ends its process does not end the run."""
+    plugin = write_plugin(tmp_path, "os._exit(1)", head="import os")
+    table = complete(tiny_plan(["nearest", plugin], trials=1), store, 1)
+    assert dict(zip(table["strategy"], table["status"], strict=True)) == {"Plugin": "failed", "nearest": "explored"}
+
+
+PERILOUS = {
+    "ends its process when imported": "import os; os._exit(1)",
+    "takes for ever to import": "import time; time.sleep(600)",
+    "loops when imported": "while True: pass",
+}
+
+
+@pytest.mark.parametrize("kind", PERILOUS)
+def test_a_plugin_that_is_perilous_to_import_is_a_failed_row_and_the_others_run(store, tmp_path, monkeypatch, kind):
+    monkeypatch.setattr(runner, "CHECK_SECONDS", 1.0)
+    specs = tiny_plan([write_plugin(tmp_path, head=PERILOUS[kind]), "nearest"], trials=1)
+    check_runnable(specs, 2, "loky", 2.0)
+    table = complete(specs, store, 2, timeout=2.0)
+    assert dict(zip(table["strategy"], table["status"], strict=True)) == {"Plugin": "failed", "nearest": "explored"}
+
+
+def test_strategies_are_looked_at_in_other_processes(tmp_path):
+    head = f"import os, pathlib; pathlib.Path({str(tmp_path)!r}, 'pid').write_text(str(os.getpid()))"
+    check_runnable(tiny_plan([write_plugin(tmp_path, head=head)], trials=1), 1, "loky")
+    assert int((tmp_path / "pid").read_text()) != os.getpid()
+
+
+def test_a_wrong_request_is_found_in_a_worker_beside_a_broken_plugin(tmp_path):
+    broken = write_plugin(tmp_path, head="1 / 0", name="broken").replace(":Plugin", ":Broken")
+    specs = tiny_plan([broken, "nearest", "entropy[alpah=1]", "entropy[beta=1]"], trials=1)
+    with pytest.raises(RequestError, match="alpah"):
+        check_runnable(specs, 2, "loky")
+
+
+def test_a_strategy_that_forks_leaves_a_store_as_one_that_does_not(store, tmp_path):
+    plugin = write_plugin(tmp_path, "os.fork()\nreturn int(observation.path_lengths.argmin())", head="import os")
+    specs = tiny_plan([plugin, "nearest"], trials=3)
+    done = []
+    table = complete(specs, store, 2, progress=done.append)
+    assert names(outcome.spec for outcome in done) == names(specs), "each is reported once"
+    assert set(table["status"]) == {"explored"}
+    assert len(list(store.runs.glob("*.parquet"))) == len(specs)
+    assert list(store.runs.glob(".*")) == [], "nothing half written"
+    forked, plain = (table[table["strategy"] == name]["steps"].tolist() for name in ("Plugin", "nearest"))
+    assert forked == plain
 
 
 def test_a_trial_whose_worker_is_killed_from_outside_runs_again_and_counts(store, tmp_path):

@@ -5,6 +5,7 @@ import copy
 import dataclasses
 import gc
 import math
+import os
 import signal
 import sys
 import time
@@ -13,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from handmade import write_plugin
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import between, centre_of, compose
@@ -567,6 +569,58 @@ def test_a_strategy_that_cannot_begin_makes_a_failed_trial_without_rows(strategy
     assert ("glove box" in result.reason) or ("NotThere" in result.reason)
     assert result.steps == []
     assert result.world.cells == SMALL.cells
+
+
+def test_what_a_strategy_prints_goes_to_stderr_and_changes_nothing(tmp_path, capsys, honest_small):
+    head = "print('imported')"
+    factory = write_plugin(tmp_path, "print('chosen')\nreturn int(observation.path_lengths.argmin())", head=head)
+    result = run_trial(dataclasses.replace(spec_of("Nearest"), factory=factory))
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("imported\nchosen\n")
+    assert result.steps == honest_small.steps
+
+
+@pytest.fixture(scope="module")
+def honest_small():
+    return run_trial(spec_of("Nearest"))
+
+
+@pytest.mark.parametrize("place", ["import", "init", "reset", "choose"])
+def test_a_process_that_a_strategy_forks_off_ends_and_the_trial_goes_on(tmp_path, place, honest_small):
+    """Each process that came out of the trial would leave a mark."""
+    fork = {name: "os.fork()" if name == place else "None" for name in ("import", "init", "reset", "choose")}
+    file = tmp_path / "forks.py"
+    file.write_text(
+        f"import os\n{fork['import']}\n"
+        f"class Forks:\n"
+        f"    def __init__(self): {fork['init']}\n"
+        f"    def reset(self, rng): {fork['reset']}\n"
+        f"    def choose(self, observation):\n"
+        f"        {fork['choose']}\n"
+        f"        return int(observation.path_lengths.argmin())\n"
+    )
+    own = os.getpid()
+    try:
+        result = run_trial(dataclasses.replace(spec_of("Nearest"), factory=f"{file}:Forks"))
+    finally:
+        if os.getpid() != own:
+            (tmp_path / f"{os.getpid()}").touch()
+            os._exit(1)
+    while True:  # the children have ended by themselves; none is left
+        try:
+            _, status = os.wait()
+        except ChildProcessError:
+            break
+        assert status == 0
+    assert [path.name for path in tmp_path.iterdir() if path.name.isdigit()] == []
+    assert result.steps == honest_small.steps
+
+
+def test_a_strategy_that_is_broken_from_the_start_fails_with_its_reason():
+    result = run_trial(dataclasses.replace(spec_of("Nearest"), broken="entry point 'a' cannot be used; mend it."))
+    assert (result.status, result.transient, result.steps) == (Status.FAILED, True, [])
+    assert result.reason == "entry point 'a' cannot be used; mend it. (before the first decision)"
 
 
 def test_the_time_limit_leaves_no_alarm_behind():

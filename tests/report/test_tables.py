@@ -11,6 +11,7 @@ import pytest
 from handmade import record, with_spec
 
 from explore_bench.registry import strategies
+from explore_bench.report.style import showing
 from explore_bench.report.tables import (
     PAPER_TABLES,
     STATUSES,
@@ -20,6 +21,7 @@ from explore_bench.report.tables import (
     paired_table,
     paper_table,
     report_tables,
+    shown_name,
     write_tables,
 )
 from explore_bench.results import SUMMARY_COLUMNS, summary_table, trial_table
@@ -324,3 +326,16 @@ def test_writing_twice_gives_the_same_bytes(trials, tmp_path):
     assert first == [
         file.read_bytes() for file in write_tables(report_tables(trials, summary_table(trials)), tmp_path / "b")
     ]
+
+
+# Strategies that are not registered
+
+
+def test_a_reference_that_is_no_longer_registered_stays_one():
+    """It was told the truth when its trials ran, and is compared with nobody."""
+    told = with_spec(record(rows=3, strategy="oracle"), reference=True)
+    other = record(rows=3, strategy="entropy[alpha=0.5]")
+    with showing([told.spec, other.spec]):
+        assert shown_name("oracle") == "oracle (reference)"
+        assert shown_name("entropy[alpha=0.5]") == "Entropy [alpha=0.5]"
+    assert shown_name("oracle") == "oracle"

@@ -1,0 +1,12 @@
+"""What is claimed of the strategies; explore-bench tests it, beside the claims of others, on the trials of a report."""
+
+from explore_bench.claims import Claim, comparisons
+
+CLAIMS = (
+    Claim(
+        "frontier",
+        "The way matters: weighing what is in view against it explores better than the view alone.",
+        comparisons("next-best-view", ["largest-view"], ["trajectory_error", "exploration_efficiency"], [20.0]),
+        architecture=False,
+    ),
+)
