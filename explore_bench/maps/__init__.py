@@ -5,13 +5,12 @@ Every reader gives a `Raster` of free, occupied and unknown pixels; `raster.cell
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from explore_bench.errors import RequestError
 from explore_bench.maps.arrays import read_array
 from explore_bench.maps.images import read_image
-from explore_bench.maps.raster import Raster, cells_of
+from explore_bench.maps.raster import RESOLUTIONS, Raster, cells_of
 from explore_bench.maps.ros import read_ros
 from explore_bench.maps.text import read_text
 from explore_bench.scenario import Scenario
@@ -48,8 +47,9 @@ def with_map(scenario: Scenario, name_or_file: str | Path, resolution: float | N
 
 
 def _rows(name: str, cell_size: float, resolution: float | None) -> tuple[str, ...]:
-    if resolution is not None and not (math.isfinite(resolution) and resolution > 0):
-        raise ValueError(f"resolution is {resolution:g}; give the metres that a pixel is wide")
+    low, high = RESOLUTIONS
+    if resolution is not None and not low <= resolution <= high:
+        raise ValueError(f"resolution is {resolution:g}; give the metres that a pixel is wide, {low:g} to {high:g}")
     own = gallery()
     if name in own:
         if resolution is not None:

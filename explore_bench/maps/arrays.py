@@ -20,7 +20,8 @@ def read_array(path: Path, resolution: float) -> Raster:
     OSError, ValueError : for a file that cannot be read, or holds something else.
     """
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        with np.errstate(all="ignore"):  # a shape that no memory holds
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (ValueError, EOFError, SyntaxError, OverflowError):
         raise ValueError("it is no whole .npy file of plain numbers; save a 2-D array with numpy.save") from None
     if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "biuf":

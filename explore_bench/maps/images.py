@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.maps.raster import FREE_PIXEL, Raster, check_pixels, classified
+from explore_bench.maps.raster import FREE_PIXEL, MAX_PIXELS, Raster, check_pixels, classified
 
 FORMATS = ("PNG", "PPM", "BMP")
 
@@ -23,17 +23,17 @@ def read_image(path: Path, resolution: float) -> Raster:
     ------
     OSError, ValueError : for a file that cannot be read, is damaged or too large, or has two red dots.
     """
-    brightness, colors = load(path)
-    pixels = classified(1.0 - brightness)
+    values, colors = load(path)
+    pixels = classified((255.0 - values) / 255.0)
     red = (colors[..., 0] >= 200) & (colors[..., 1:3].max(axis=-1) <= 60) & (colors[..., 3] > 0)
     pixels[red] = FREE_PIXEL
     return Raster(pixels, resolution, start=_start(red, resolution))
 
 
 def load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Brightness from 0 to 1, NaN where transparent, shape (h, w), and colours RGBA, shape (h, w, 4).
+    """Values from 0 (black) to 255, NaN where transparent, shape (h, w), and colours RGBA, shape (h, w, 4).
 
-    Brightness is the mean of the colours, as map_server takes it.
+    A value is the mean of the colours, as map_server takes it.
 
     Raises
     ------
@@ -46,17 +46,19 @@ def load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # we have a limit of our own
         try:
             image = Image.open(content, formats=FORMATS)
+        except Image.DecompressionBombError:
+            raise ValueError(f"'{path.name}' has more than {MAX_PIXELS:,} pixels; crop it, or scale it down") from None
         except Exception as error:
             raise ValueError(_damaged(path, error)) from None
         check_pixels(*image.size)
         try:
-            deep = np.asarray(image, dtype=float) / 65535.0 if image.mode.startswith("I") else None
+            deep = np.asarray(image, dtype=float) / 257.0 if image.mode.startswith("I") else None
             colors = np.asarray(image.convert("RGBA"))
         except Exception as error:  # pillow raises nearly anything on a damaged file
             raise ValueError(_damaged(path, error)) from None
-    brightness = colors[..., :3].mean(axis=-1) / 255.0 if deep is None else deep
-    brightness[colors[..., 3] == 0] = np.nan
-    return brightness, colors
+    values = colors[..., :3].mean(axis=-1) if deep is None else deep
+    values[colors[..., 3] == 0] = np.nan
+    return values, colors
 
 
 def _damaged(path: Path, error: Exception) -> str:

@@ -15,6 +15,9 @@ FREE_PIXEL, OCCUPIED_PIXEL, UNKNOWN_PIXEL = 0, 1, 2
 MAX_PIXELS = 25_000_000
 """5000 × 5000: 250 m at 5 cm."""
 
+RESOLUTIONS = 1e-6, 1e6
+"""Smallest and largest edge of a pixel that is understood [m]."""
+
 OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196
 """Probabilities of being occupied that part obstacles, unknown and free, as map_server's maps are written."""
 
@@ -54,10 +57,10 @@ def check_pixels(width: int, height: int) -> None:
     ------
     ValueError : where it has no pixel or more than MAX_PIXELS.
     """
-    if not 0 < width * height <= MAX_PIXELS:
-        raise ValueError(
-            f"it has {width} × {height} pixels; keep it from 1 to {MAX_PIXELS:,}: crop it, or scale it down"
-        )
+    if not width * height:
+        raise ValueError(f"it has {width} × {height} pixels; there is nothing to explore, so draw something")
+    if width * height > MAX_PIXELS:
+        raise ValueError(f"it has {width} × {height} pixels, more than {MAX_PIXELS:,}; crop it, or scale it down")
 
 
 def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
@@ -67,8 +70,8 @@ def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
     off, so one place gives the same cells however its image is cropped. A pixel belongs to the cell that holds its
     centre (one larger than a cell is cut in pieces first). Of a cell's own pixels,
 
-    1. if the occupied ones would fill half a line across it, it is an obstacle: a straight wall one pixel thin stays
-       closed, a speck does not block;
+    1. if the occupied ones would fill half a line across it (or across its part on the image), it is an obstacle: a
+       straight wall one pixel thin stays closed, a speck does not block;
     2. else, if more than half are unknown (outside the image, too), it is unknown;
     3. else it is free.
 
@@ -77,20 +80,18 @@ def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
     ValueError : for a map without known pixels, one of too many cells, or a start that is not free.
     """
     raster = _cropped(raster)
-    pieces = math.ceil(raster.resolution / cell_size - 1e-9)
+    pieces = max(1, math.ceil(raster.resolution / cell_size - 1e-9))
     height, width = raster.pixels.shape
-    _check_cells(width * raster.resolution, height * raster.resolution, cell_size)
+    _check_extent(width * raster.resolution, height * raster.resolution, cell_size)
     step = raster.resolution / pieces
     across, first_column = _cells_along(raster.origin[0], step, width * pieces, cell_size)
     up, first_row = _cells_along(raster.origin[1], step, height * pieces, cell_size)
     pixels = np.repeat(np.repeat(raster.pixels, pieces, axis=0), pieces, axis=1)[::-1]
-    pixels = np.pad(pixels, (up.padding, across.padding), constant_values=UNKNOWN_PIXEL)
     occupied = _count(pixels == OCCUPIED_PIXEL, up.starts, across.starts)
-    unknown = _count(pixels == UNKNOWN_PIXEL, up.starts, across.starts)
-    sides = np.minimum(up.widths[:, None], across.widths)
+    known = _count(pixels != UNKNOWN_PIXEL, up.starts, across.starts)
     cells = np.full(occupied.shape, FREE)
-    cells[2 * unknown > up.widths[:, None] * across.widths] = UNKNOWN
-    cells[2 * occupied >= sides] = OBSTACLE
+    cells[2 * known < up.room[:, None] * across.room] = UNKNOWN
+    cells[2 * occupied >= np.minimum(up.widths[:, None], across.widths)] = OBSTACLE
     if raster.start is not None:
         column = math.floor(raster.start[0] / cell_size + 1e-9) - first_column
         row = math.floor(raster.start[1] / cell_size + 1e-9) - first_row
@@ -102,23 +103,23 @@ def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Axis:
-    """Pixels along an axis in cells: unknown ones to add at both ends, the first of each cell, how many each holds."""
+    """Pixels along an axis in cells: the first of each, how many it holds, and how many with those off the image."""
 
-    padding: tuple[int, int]
     starts: NDArray[np.int64]
     widths: NDArray[np.int64]
+    room: NDArray[np.int64]
 
 
 def _cells_along(origin: float, step: float, count: int, cell_size: float) -> tuple[_Axis, int]:
-    """Share out `count` pixels from `origin` on, and the number of the first cell."""
+    """Share out `count` pixels from `origin` on among cells, and the number of the first cell."""
     spare = math.ceil(cell_size / step) + 1
     cells = np.floor((origin + (np.arange(-spare, count + spare) + 0.5) * step) / cell_size + 1e-9).astype(np.int64)
-    first, last = int(cells[spare]), int(cells[spare + count - 1])
-    inside = np.flatnonzero((cells >= first) & (cells <= last))
-    own = cells[inside]
-    starts = np.searchsorted(own, np.arange(first, last + 1))
-    padding = spare - int(inside[0]), int(inside[-1]) - (spare + count - 1)
-    return _Axis(padding, starts, np.diff(np.append(starts, len(own)))), first
+    own = cells[spare : spare + count]
+    numbers = np.arange(own[0], own[-1] + 1)
+    held, room = (
+        np.searchsorted(all_, numbers, side="right") - np.searchsorted(all_, numbers) for all_ in (own, cells)
+    )
+    return _Axis(np.searchsorted(own, numbers), held, room), int(own[0])
 
 
 def _count(pixels: NDArray[np.bool_], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -138,10 +139,13 @@ def _cropped(raster: Raster) -> Raster:
     return replace(raster, pixels=raster.pixels[top:bottom, left:right], origin=origin)
 
 
-def _check_cells(width: float, height: float, cell_size: float) -> None:
+def _check_extent(width: float, height: float, cell_size: float) -> None:
+    extent = f"{width:g} × {height:g} m"
+    if max(width, height) < cell_size:
+        raise ValueError(f"it shows {extent}, less than a cell of {cell_size:g} m; look at the resolution")
     edge = math.ceil(max(width, height) / cell_size - 1e-9)
     if edge * edge > MAX_CELLS:
         raise ValueError(
-            f"{width:g} × {height:g} m are {edge} cells of {cell_size:g} m a side, and a square holds at most "
-            f"{math.isqrt(MAX_CELLS)}; take a larger cell_size, or give the metres of a pixel as resolution"
+            f"{extent} are {edge} cells of {cell_size:g} m a side, and a square holds at most {math.isqrt(MAX_CELLS)}; "
+            "take a larger cell_size, or give the metres of a pixel as resolution"
         )

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.maps.images import load
-from explore_bench.maps.raster import Raster, classified
+from explore_bench.maps.raster import RESOLUTIONS, Raster, classified
 from explore_bench.maps.text import small_text
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
-MAX_METRES = 1e9
+MAX_METRES = 1e7
 
 
 def read_ros(path: Path) -> Raster:
@@ -34,12 +34,13 @@ def read_ros(path: Path) -> Raster:
     negate = values["negate"]
     if negate not in (0, 1):
         raise ValueError(f"negate is {negate!r}; give 0 or 1")
-    resolution = _number(values, "resolution", 1e-6, 1e6)
+    resolution = _number(values, "resolution", *RESOLUTIONS)
     origin = _origin(values["origin"])
     if not isinstance(values["image"], str):
         raise ValueError(f"image is {values['image']!r}; give the name of a file")
-    brightness, _ = load(path.parent / values["image"])
-    return Raster(classified(brightness if negate else 1.0 - brightness, occupied, free), resolution, origin)
+    levels, _ = load(path.parent / values["image"])
+    probability = (levels if negate else 255.0 - levels) / 255.0
+    return Raster(classified(probability, occupied, free), resolution, origin)
 
 
 def _values(path: Path) -> dict[str, Any]:
