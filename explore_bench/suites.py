@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from explore_bench.errors import RequestError, unknown
+from explore_bench.maps import gallery
 from explore_bench.registry import lookup, strategies
 from explore_bench.scenario import PAPER, Scenario
 from explore_bench.seeding import Purpose
@@ -32,7 +34,7 @@ class Suite:
     description: str
     parts: tuple[tuple[str, tuple[float, ...]], ...]
     trials: int = 50
-    variations: Mapping[str, Mapping[str, float | bool]] = field(default_factory=dict)
+    variations: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def sizes(self) -> tuple[float, ...]:
@@ -63,6 +65,9 @@ ROBUSTNESS: dict[str, dict[str, float | bool]] = {
 }
 """What the suite of that name changes, one constant at a time; the first is what the others are compared with."""
 
+MAPS: dict[str, dict[str, Any]] = {name: {"map": rows, "occlusion": True} for name, rows in gallery().items()}
+"""The gallery; walls hide what lies behind them."""
+
 SUITES: dict[str, Suite] = {
     "smoke": Suite("a look at every strategy in under a minute", (("table2", (20.0,)),), trials=4),
     "table2": Suite("Table 2, Figures 10 and 11: the compared methods at 20 and 40 m", (TABLE2,)),
@@ -74,6 +79,12 @@ SUITES: dict[str, Suite] = {
         tuple((table, (20.0,)) for table in ("table2", "table3", "layers")),
         trials=20,
         variations=ROBUSTNESS,
+    ),
+    "maps": Suite(
+        "the compared methods in the maps of the gallery, where walls hide what is behind; give it a folder of its own",
+        (("table2", (40.0,)),),
+        trials=20,
+        variations=MAPS,
     ),
 }
 
@@ -113,7 +124,7 @@ def plan(
     trials : number of worlds instead of the suite's.
     root : root seed; 0 is the benchmark's own.
     scenario : physical constants instead of the paper's; a size that it sets stands unless `sizes` is given. The
-        variations of a suite change them further.
+        variations of a suite change them further. A map has a size of its own.
 
     Raises
     ------
@@ -128,6 +139,9 @@ def plan(
     if not 0 <= root <= MAX_ROOT:
         raise RequestError(f"seed is {root}; give a root seed from 0 to {MAX_ROOT}.")
     base = scenario or PAPER
+    if base.map is not None and any("map" in changes for changes in chosen.variations.values()):
+        raise RequestError(f"suite '{suite}' has maps of its own; leave yours out, or choose another suite.")
+    asked_sizes = bool(sizes)
     if not sizes and scenario is not None and "size" in scenario.model_fields_set:
         sizes = (scenario.size,)
     sizes = tuple(dict.fromkeys(sizes))
@@ -145,7 +159,7 @@ def plan(
             untrained.append(name)
             continue
         for size, (kept_as, changes) in itertools.product(own_sizes, variations.items()):
-            physics = base.replace(size=size, **changes)
+            physics = base.replace(**({"size": size} if asked_sizes or "map" not in changes else {}), **changes)
             specs += [
                 TrialSpec(
                     strategy=name,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from explore_bench.commands import DONE, NO, results_option, root_option, scenario_option
+from explore_bench.commands import DONE, NO, physics_of, results_option, root_option, world_options
 from explore_bench.errors import RequestError
 
 MAX_WORLDS = 100_000
@@ -26,19 +26,26 @@ MAX_WORLDS = 100_000
     help="Number of the world.",
 )
 @root_option
-@scenario_option
+@world_options
 @click.option("--output", type=click.Path(path_type=Path), metavar="FILE", help="A .png, .svg, .gif or .html.")
 @results_option
 def demo(
-    strategy: str, size: float | None, trial: int, seed: int, scenario: str | None, output: Path | None, results: Path
+    strategy: str,
+    size: float | None,
+    trial: int,
+    seed: int,
+    scenario: str | None,
+    map_: str | None,
+    resolution: float | None,
+    output: Path | None,
+    results: Path,
 ) -> int:
     """Run one trial of STRATEGY and draw it: a picture of its end, every decision (.gif), or a player (.html)."""
     from explore_bench.report.demo import draw_trial
-    from explore_bench.scenario_file import load_scenario
     from explore_bench.suites import plan
 
-    physics = load_scenario(scenario) if scenario else None
-    asked = plan("smoke", [strategy], [] if size is None else [size], 1, seed, physics, Path(scenario or "paper").name)
+    physics, kept_as = physics_of(scenario, map_, resolution)
+    asked = plan("smoke", [strategy], [] if size is None else [size], 1, seed, physics, kept_as)
     if not asked.specs:
         raise RequestError(f"strategy '{strategy}' is not trained; choose one that 'explore-bench list' calls ready.")
     spec = dataclasses.replace(asked.specs[0], trial=trial)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from explore_bench.commands import DONE, INCOMPLETE, NO, results_option, root_option, scenario_option
+from explore_bench.commands import DONE, INCOMPLETE, NO, physics_of, results_option, root_option, world_options
 from explore_bench.errors import RequestError
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
 @click.option("--backend", type=click.Choice(["loky", "sequential"]), default="loky", show_default=True)
 @click.option("--timeout", type=click.FloatRange(0, 1e6, min_open=True), default=600.0, show_default=True, metavar="S")
-@scenario_option
+@world_options
 @root_option
 @results_option
 @click.option("--dry-run", is_flag=True, help="Print the plan and stop.")
@@ -47,6 +47,8 @@ def run(
     backend: str,
     timeout: float,
     scenario: str | None,
+    map_: str | None,
+    resolution: float | None,
     seed: int,
     results: Path,
     dry_run: bool,
@@ -56,12 +58,8 @@ def run(
 
     if math.isnan(timeout):
         raise RequestError("timeout is nan; give the seconds that one trial may take.")
-    physics = None
-    if scenario is not None:
-        from explore_bench.scenario_file import load_scenario
-
-        physics = load_scenario(scenario)
-    asked = plan(suite, names, sizes, trials, seed, physics, Path(scenario or "paper").name)
+    physics, kept_as = physics_of(scenario, map_, resolution)
+    asked = plan(suite, names, sizes, trials, seed, physics, kept_as)
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE

@@ -14,6 +14,7 @@ from explore_bench.report.agreement import agreement_tables
 from explore_bench.report.claims import claims_section, examined, overview, write_claims
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
+from explore_bench.report.maps import write_map_report
 from explore_bench.report.sensitivity import write_sensitivity
 from explore_bench.report.style import showing
 from explore_bench.report.tables import report_tables, write_tables
@@ -34,7 +35,7 @@ def write_report(folder: Path) -> Report:
     """Write everything that follows from the records of a results folder.
 
     A folder of one set of physical constants gets trials.csv, summary.csv, tables, figures, claims and the page; one
-    of several gets trials.csv and how the strategies degrade.
+    of several gets trials.csv and how the strategies degrade, or how they do in each of several given maps.
 
     Raises
     ------
@@ -49,7 +50,8 @@ def write_report(folder: Path) -> Report:
     with writing(folder), showing(record.spec for record in records):
         files = [_write_csv(trials, folder / "trials.csv")]
         if trials["scenario"].nunique() > 1:  # a mean over different physics would mean nothing
-            files += write_sensitivity(trials, folder)
+            mapped = all(record.spec.scenario.map for record in records)
+            files += write_map_report(trials, records, folder) if mapped else write_sensitivity(trials, folder)
         else:
             files += _write_all(store, records, trials, stale, folder)
     return Report(tuple(files), len(records), stale)

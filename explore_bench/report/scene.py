@@ -35,8 +35,8 @@ def draw_scene(axes: Axes, record: TrialRecord, replay: Replay, index: int) -> N
     belief = unpack_map(replay.maps[index], n)
     shade = np.where(np.isnan(belief), 0, np.where(belief > 0.5, 2, 1))
     for kind, color in enumerate((UNKNOWN, FREE, OCCUPIED)):
-        axes.add_patch(PathPatch(_squares(shade == kind, cell), facecolor=color, edgecolor="none", zorder=0))
-    outlines = _squares(record.world.obstacles, cell)
+        axes.add_patch(PathPatch(squares(shade == kind, cell), facecolor=color, edgecolor="none", zorder=0))
+    outlines = squares(record.world.obstacles & record.world.counted, cell)
     axes.add_patch(PathPatch(outlines, fill=False, edgecolor=TRUE, linewidth=0.6, alpha=0.7, zorder=2))
     _ellipses(axes, replay, index, record)
     axes.plot(steps["true_x"], steps["true_y"], color=TRUE, linewidth=0.9)
@@ -75,7 +75,7 @@ def scene_legend() -> list[Line2D | Patch]:
     ]
 
 
-def _squares(cells: np.ndarray, side: float) -> Path:
+def squares(cells: np.ndarray, side: float) -> Path:
     """Outlines [m] of the cells of a grid that are set, shape (n, n), as one path: no seam shows between two."""
     rows, columns = np.nonzero(cells)
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
