@@ -17,6 +17,9 @@ from explore_bench.statistics import holm
 NO_SPREAD = 1e-12
 """Least standard deviation that counts as one: rounding is no evidence."""
 
+CERTAIN = 1e3
+"""Shift in standard errors from which on scipy's non-central t distribution may fail, and nothing changes any more."""
+
 
 def beyond_p(values: np.ndarray, margin: float) -> float:
     """One-sided p-value of "the mean is not above the margin", by Student's t test; 1 for fewer than two values."""
@@ -62,8 +65,8 @@ def power(excess: float, spread: float, n: int, level: float) -> float:
 
     if n < 2:
         return 0.0
-    needed = stdtrit(n - 1, 1.0 - level)
-    return float(nct.sf(needed, n - 1, excess / (max(spread, NO_SPREAD) / math.sqrt(n))))
+    shift = excess / (max(spread, NO_SPREAD) / math.sqrt(n))
+    return float(nct.sf(stdtrit(n - 1, 1.0 - level), n - 1, np.clip(shift, -CERTAIN, CERTAIN)))
 
 
 def _standard_error(values: np.ndarray) -> float:
