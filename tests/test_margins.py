@@ -1,4 +1,4 @@
-"""One-sided bounds against scipy's t test, Holm's levels against adjusted p-values, and the power against simulation."""
+"""One-sided bounds against scipy's t test, Holm's levels against adjusted p-values, the power against simulation."""
 
 import math
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from handmade import trial_rows as trials
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,25 +14,6 @@ from explore_bench.thresholds import Threshold
 
 ERROR = Threshold(metric="trajectory_error", strategy="Mine", size=20.0, tolerance=0.05, reason="test")
 GAIN = ERROR.model_copy(update={"metric": "exploration_efficiency"})
-
-
-def trials(values, strategy="Mine", seed=None, size=20.0, scenario="paper", world="w", status="explored"):
-    """Rows of trials.csv with the same value of both metrics, one a world."""
-    rows = [
-        {
-            "strategy": strategy,
-            "training_seed": seed,
-            "size": size,
-            "trial": i,
-            "scenario": scenario,
-            "world": f"{world}{i}",
-            "status": status,
-            "trajectory_error": value,
-            "exploration_efficiency": value,
-        }
-        for i, value in enumerate(values)
-    ]
-    return pd.DataFrame(rows).astype({"training_seed": "Int64"})
 
 
 def test_a_loss_is_the_change_for_the_worse_over_the_mean_of_the_reference():
