@@ -70,7 +70,9 @@ def test_the_workflow_installs_runs_gates_reports_and_uploads(job):
 
 
 def test_a_failed_trial_or_gate_still_leaves_a_report(job):
-    after = [step for step in job["steps"] if step.get("name") in ("Gate", "Report") or "upload" in step.get("uses", "")]
+    after = [
+        step for step in job["steps"] if step.get("name") in ("Gate", "Report") or "upload" in step.get("uses", "")
+    ]
     assert [step["if"] for step in after] == ["${{ !cancelled() }}"] * 3
 
 
