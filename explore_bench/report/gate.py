@@ -78,7 +78,7 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
         bounds if found else "–",
         f"{100 * one.tolerance:g} %",
         f"{decision.p_holm:.4f}" if found else "–",
-        " → ".join(map(str, pair.unexplored)),
+        f"{pair.unexplored[0]} → {pair.unexplored[1] if found else '–'}",
         f"{math.floor(100 * judgement.power)} %",
         decision.verdict,
     )
