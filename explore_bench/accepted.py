@@ -85,12 +85,9 @@ def read_results(folder: Path, family: Sequence[Threshold]) -> pd.DataFrame:
 
 
 def _read_trials(path: Path, family: Sequence[Threshold]) -> pd.DataFrame:
-    """Read a `trials.csv` with the columns that a family needs; one with text for a number or a trial twice is none."""
+    """Read a `trials.csv` with the columns that a family needs; one with a trial twice is none."""
     metrics = list(dict.fromkeys(one.metric for one in family))
     trials = read_csv(path, (*KEYS, "world", "status", *metrics))
-    for column in ("size", "trial", *metrics):
-        if len(trials) and not pd.api.types.is_numeric_dtype(trials[column]):
-            raise RequestError(f"'{path}' has text in the column '{column}'; delete it and run again.")
     if trials.duplicated(KEYS).any():
         twice = trials[trials.duplicated(KEYS)].iloc[0]
         raise RequestError(

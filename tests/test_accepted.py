@@ -92,7 +92,7 @@ def test_a_folder_all_of_whose_records_are_of_older_code_has_no_trials(own_store
         (trial_rows([1.0, math.nan]), "trajectory_error of Mine, 20 m is not defined in every trial"),
         (trial_rows([0.0, 0.0]), "trajectory_error of Mine, 20 m is 0, so a loss is no share of it"),
         (trial_rows([1.0, 2.0])[:0], "results' holds no trial; run"),
-        (trial_rows(["a", "b"]), "has text in the column 'trajectory_error'"),
+        (trial_rows(["a", "b"]), "something else than numbers in 'trajectory_error'"),
         (pd.concat([trial_rows([1.0, 2.0])] * 2), "has trial 0 of 'Mine' twice"),
         (trial_rows([1.0, 2.0]).drop(columns="world"), "lacks the column 'world'"),
     ],
