@@ -9,7 +9,7 @@ TRAININGS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean lint perf report robustness setup test test-slow train
+.PHONY: bench bench-smoke calibrate clean gate lint perf report robustness setup test test-slow train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure
 	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
@@ -21,6 +21,10 @@ bench-smoke: $(READY)    ## The same in under a minute, into results/smoke
 robustness: $(READY)     ## Every strategy under other noise, ranges, densities and occlusion, into results/robustness
 	@$(BIN)/explore-bench run robustness --results results/robustness; status=$$?; \
 	  $(BIN)/explore-bench report --results results/robustness && exit $$status
+
+gate: $(READY)           ## Is a metric worse than results/reference tolerates? A minute, into results/gate
+	@$(BIN)/explore-bench run smoke -s nearest -s entropy -s uncertainty --trials 250 --results results/gate; \
+	  $(BIN)/explore-bench gate --results results/gate
 
 report: $(READY)         ## Tables and figures from stored records
 	$(BIN)/explore-bench report

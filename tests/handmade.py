@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import textwrap
 
 import numpy as np
+import pandas as pd
 
 from explore_bench.records import TrialRecord
 from explore_bench.scenario import Scenario
@@ -83,3 +85,30 @@ def record(status="explored", scenario=TINY, strategy="nearest", trial=0, final=
 def with_spec(made, **changes):
     """Return the record with another specification."""
     return dataclasses.replace(made, spec=dataclasses.replace(made.spec, **changes))
+
+
+def write_thresholds(folder, **changes):
+    """Write a thresholds.toml that tolerates a loss of 5 % of e of `Mine` at 20 m, or what the changes say."""
+    values = {"metric": "trajectory_error", "strategy": "Mine", "size": 20.0, "tolerance": 0.05, "reason": "test"}
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [f"{key} = {json.dumps(value)}" for key, value in (values | changes).items()]
+    (folder / "thresholds.toml").write_text("\n".join(["[[threshold]]", *lines, ""]))
+
+
+def trial_rows(values, strategy="Mine", seed=None, size=20.0, scenario="paper", world="w", status="explored"):
+    """Rows of trials.csv with the same value of e and of η, one a world."""
+    rows = [
+        {
+            "strategy": strategy,
+            "training_seed": seed,
+            "size": size,
+            "trial": i,
+            "scenario": scenario,
+            "world": f"{world}{i}",
+            "status": status,
+            "trajectory_error": value,
+            "exploration_efficiency": value,
+        }
+        for i, value in enumerate(values)
+    ]
+    return pd.DataFrame(rows).astype({"training_seed": "Int64"})
