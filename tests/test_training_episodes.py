@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from handmade import TINY, record, write_plugin
 
-from baselines.training.episodes import Course, Episode, play
+from baselines.training.episodes import Episode, play
+from explore_bench.decision_process import Course
 from explore_bench.metrics import METRICS
 from explore_bench.reward import WEIGHTS, RewardWeights, reward
 from explore_bench.scenario import PAPER, Scenario
