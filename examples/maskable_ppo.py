@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from safetensors import safe_open
 
+from explore_bench import Observation
 from explore_bench.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
 
 
@@ -21,10 +22,10 @@ class MaskablePPO:
             self.layers = [(file.get_tensor(f"{i}.weight"), file.get_tensor(f"{i}.bias")) for i in range(count)]
         self.width = len(self.layers[-1][1])
 
-    def reset(self, rng):
+    def reset(self, rng: np.random.Generator) -> None:
         """Begin a trial; there is nothing to draw."""
 
-    def choose(self, observation):
+    def choose(self, observation: Observation) -> int:
         """Return the likeliest of the `width` candidates with the shortest paths."""
         seen = features(observation, self.width)
         values = np.concatenate((seen.candidates.ravel(), seen.state))

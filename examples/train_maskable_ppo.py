@@ -1,7 +1,6 @@
 """Train MaskablePPO of sb3-contrib on ExploreBench and export its policy for the plugin `maskable_ppo.py`.
 
-    pip install 'explore-bench[gym]' sb3-contrib
-    python train_maskable_ppo.py --decisions 12288
+It needs `pip install 'explore-bench[gym]' sb3-contrib` and some two minutes of one core.
 """
 
 import argparse

@@ -77,12 +77,13 @@ def features(observation: Observation, width: int | None = None) -> Features:
     rows = np.zeros((width, len(CANDIDATE_COLUMNS)), dtype=np.float32)
     if len(order):
         rows[: len(order)] = np.clip(_candidates(observation)[order], -1.0, 1.0)
-    own, peak = np.trace(belief.pose_covariances[-1, :2, :2]), np.trace(belief.pose_covariances, axis1=1, axis2=2).max()
+    own = float(np.trace(belief.pose_covariances[-1, :2, :2]))
+    peak = float(np.trace(belief.pose_covariances, axis1=1, axis2=2).max())
     state = (
         belief.explored,
         belief.uncertainty / scenario.prior_uncertainty,
-        _saturated(math.sqrt(own), 1.0),
-        _saturated(math.sqrt(peak), 1.0),
+        math.sqrt(own) / (math.sqrt(own) + 1.0),
+        math.sqrt(peak) / (math.sqrt(peak) + 1.0),
         observation.step / scenario.step_limit,
         len(belief.landmarks) / max(scenario.landmarks, 1),
         len(observation.candidates) / candidate_limit(scenario),
@@ -97,7 +98,7 @@ def _candidates(observation: Observation) -> Array:
     offsets = observation.positions - (x, y)
     distances = np.hypot(*offsets.T)
     bearings = np.arctan2(offsets[:, 1], offsets[:, 0]) - heading
-    near = _saturated(distances, DISTANCE)
+    near = distances / (distances + DISTANCE)
     view = _views(observation)
     traces = belief.virtual_traces.reshape(-1) / (2.0 * scenario.virtual_sigma**2)
     seen = view & belief.known.reshape(-1)
@@ -105,7 +106,7 @@ def _candidates(observation: Observation) -> Array:
         np.ones(len(offsets)),
         near * np.cos(bearings),
         near * np.sin(bearings),
-        _saturated(observation.path_lengths, DISTANCE),
+        observation.path_lengths / (observation.path_lengths + DISTANCE),
         _turns(observation),
         (view & ~belief.known.reshape(-1)).sum(axis=1) / _full_view(scenario),
         traces[observation.candidates],
@@ -113,11 +114,6 @@ def _candidates(observation: Observation) -> Array:
         _landmark_nearness(observation.positions, belief),
     )
     return np.stack(columns, axis=1)
-
-
-def _saturated(value: Array | float, half: float) -> Array:
-    """Return a value ≥ 0 brought into [0, 1)."""
-    return np.asarray(value / (value + half))
 
 
 def _views(observation: Observation) -> NDArray[np.bool_]:

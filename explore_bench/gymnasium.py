@@ -6,7 +6,7 @@ observation `explore_bench.features`, and the worlds are those of the streams `t
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from explore_bench.reward import WEIGHTS, RewardWeights
 from explore_bench.scenario import Scenario, load_scenario
 from explore_bench.slam.belief import Belief
 from explore_bench.spec import Status
-from explore_bench.steps import take_snapshot
+from explore_bench.steps import STEP_COLUMNS, take_snapshot
 from explore_bench.strategy import Observation
 from explore_bench.suites import MAX_ROOT
 
@@ -34,9 +34,13 @@ from gymnasium.error import InvalidAction, ResetNeeded
 SIZES = (20, 30, 40)
 """Edges [m] of the maps of the registered environments."""
 
+MAX_TRIVIAL = 100
+"""Worlds in a row that may end before the first decision; such worlds are passed over."""
+
 TrainingPurpose = Literal["train", "validate"]
 
-Seen = dict[str, NDArray[np.float32]]
+Seen = dict[str, Any]
+"""Features by name: `candidates`, shape (W, F), and `state`, shape (G,)."""
 
 
 class ExploreEnv(gymnasium.Env[Seen, np.int64]):
@@ -59,7 +63,7 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
     RequestError : for an unknown scenario, purpose or render mode, or constants out of range.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 2}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012
 
     def __init__(
         self,
@@ -95,17 +99,15 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
 
         Raises
         ------
-        RequestError : for a seed that is no root seed.
+        RequestError : for a seed that is no root seed, or a scenario whose worlds ask for no decision.
         """
         if seed is not None and not 0 <= seed <= MAX_ROOT:
             raise RequestError(f"seed {seed} is no root seed; give one from 0 to {MAX_ROOT}.")
         super().reset(seed=seed)
         if seed is not None or self._course is None:
             root = int(self.np_random.integers(MAX_ROOT + 1)) if seed is None else int(seed)
-            self._course, self._trial = Course(self.scenario, self._purpose, root, self._weights), 0
-        else:
-            self._trial += 1
-        self._process = self._course.begin(self._trial)
+            self._course, self._trial = Course(self.scenario, self._purpose, root, self._weights), -1
+        self._process, self._trial = _begin(self._course, self._trial + 1)
         return self._look(), self._info()
 
     def step(self, action: np.int64 | int) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
@@ -154,8 +156,8 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
 
         observation = process.observation
         belief, cells = self._belief(), observation.candidates.tolist() if observation else None
-        rows = {name: np.array(column) for name, column in zip(process.rows[0]._fields, zip(*process.rows), strict=True)}
-        return scene_image(Scene(self.scenario, process.world, rows, take_snapshot(belief, cells)))
+        columns = {name: np.array([getattr(row, name) for row in process.rows]) for name in STEP_COLUMNS}
+        return scene_image(Scene(self.scenario, process.world, columns, take_snapshot(belief, cells)))
 
     def _running(self) -> DecisionProcess:
         if self._process is None:
@@ -200,6 +202,18 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
             "uncertainty": last.uncertainty,
             "action_mask": self.action_masks().astype(np.int8),
         }
+
+
+def _begin(course: Course, first: int) -> tuple[DecisionProcess, int]:
+    """Begin the first episode from this number on in which there is something to decide."""
+    for number in range(first, first + MAX_TRIVIAL):
+        process = course.begin(number)
+        if process.observation is not None:
+            return process, number
+    raise RequestError(
+        f"{MAX_TRIVIAL} worlds of size {course.scenario.size:g} m and sensor_range {course.scenario.sensor_range:g} m "
+        "ask for no decision; give a larger size or a shorter range."
+    )
 
 
 def register() -> None:
