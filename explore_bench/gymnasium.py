@@ -15,7 +15,8 @@ from explore_bench.decision_process import Course, DecisionProcess
 from explore_bench.errors import RequestError, unknown
 from explore_bench.features import CANDIDATE_COLUMNS, STATE_COLUMNS, Features, candidate_limit, features
 from explore_bench.reward import WEIGHTS, RewardWeights
-from explore_bench.scenario import Scenario, load_scenario
+from explore_bench.scenario import Scenario
+from explore_bench.scenario_file import load_scenario
 from explore_bench.slam.belief import Belief
 from explore_bench.spec import Status
 from explore_bench.steps import STEP_COLUMNS, take_snapshot

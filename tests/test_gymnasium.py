@@ -77,10 +77,11 @@ def test_gymnasium_s_own_checker_has_nothing_to_say(name):
     env.close()
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore:Your observation candidates has an unconventional shape")
 def test_stable_baselines3_s_checker_has_nothing_to_say(env):
-    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="stable-baselines3 is missing")
-    checker.check_env(env)
+    """But that a table is no vector; its policies for dictionaries flatten it."""
+    reason = "stable-baselines3 is missing: install the extra 'test'"
+    pytest.importorskip("stable_baselines3.common.env_checker", reason=reason).check_env(env)
 
 
 @pytest.mark.parametrize(("name", "size", "width"), [(IDS[0], 20.0, 14), (IDS[1], 30.0, 26), (IDS[2], 40.0, 41)])
@@ -394,8 +395,15 @@ def test_a_frame_is_an_rgb_picture_that_changes_with_the_episode(drawing):
 
 
 def count(frame, color):
-    """Pixels of a colour "#rrggbb"."""
-    return int((frame == [int(color[i : i + 2], 16) for i in (1, 3, 5)]).all(axis=-1).sum())
+    """Pixels of nearly a colour "#rrggbb"."""
+    wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)])
+    return int((np.abs(frame.astype(int) - wanted).max(axis=-1) < 30).sum())
+
+
+def blue_lines(frame):
+    """Pixels of the ellipses, whose thin lines are blended with what lies below."""
+    red, green, blue = np.moveaxis(frame.astype(int), -1, 0)
+    return int(((blue - red > 40) & (green > 100)).sum())
 
 
 def test_a_frame_shows_map_trajectory_ellipses_and_candidates(drawing):
@@ -404,8 +412,9 @@ def test_a_frame_shows_map_trajectory_ellipses_and_candidates(drawing):
 
     frame = drawing.render()
     assert count(frame, scene.UNKNOWN) > 0.2 * frame.shape[0] * frame.shape[1]
-    for color in (scene.OCCUPIED, scene.ESTIMATE, scene.TRUE, scene.ELLIPSE, scene.CANDIDATE):
+    for color in (scene.OCCUPIED, scene.ESTIMATE, scene.TRUE, scene.CANDIDATE):
         assert count(frame, color) > 5, color
+    assert blue_lines(frame) > 100
     over = False
     while not over:
         _, _, terminated, truncated, _ = drawing.step(0)
