@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -204,3 +205,9 @@ def test_the_observation_is_left_as_it_was():
     features(observation)
     np.testing.assert_array_equal(observation.path_lengths, before[0])
     np.testing.assert_array_equal(observation.belief.known, before[1])
+
+
+def test_the_page_lists_every_column_with_its_meaning():
+    page = (Path(__file__).parent.parent / "docs" / "gymnasium.md").read_text(encoding="utf-8")
+    for name, meaning in (CANDIDATE_COLUMNS | STATE_COLUMNS).items():
+        assert f"| `{name}` | {meaning} |" in page

@@ -14,7 +14,7 @@ from explore_bench.decision_process import Course
 from explore_bench.errors import RequestError
 from explore_bench.features import features
 from explore_bench.reward import WEIGHTS, RewardWeights
-from explore_bench.scenario import PAPER
+from explore_bench.scenario import PAPER, Scenario
 from explore_bench.simulator.world import draw_world
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is missing: install the extra 'gym'")
@@ -128,6 +128,15 @@ except ModuleNotFoundError as error:
     print(error)
 """
     assert "pip install 'explore-bench[gym]'" in in_another_process(lines)
+
+
+def test_a_given_map_keeps_its_own_size():
+    rows = ["...#....", "...#....", "........", "...#....", "...##.##", "........", "...#....", "...#...."]
+    env = gymnasium.make(IDS[0], scenario=Scenario(map=rows), size=None)
+    given, _ = episode(env, 0)
+    assert env.unwrapped.scenario.size == 16.0
+    assert given[-1][-1]["status"] == "explored"
+    assert all(one[0] in env.observation_space for one in given)
 
 
 def test_a_wrapper_of_time_can_shorten_an_episode():
