@@ -99,6 +99,7 @@ def test_the_walk_finds_what_is_there():
     ("library", "doors"),
     [
         ("gtsam", {"explore_bench.slam.factor_graph"}),
+        ("gymnasium", {"explore_bench.gymnasium"}),
         ("joblib", {"explore_bench.runner"}),
         ("numba", {"explore_bench.compiled"}),
     ],

@@ -17,7 +17,6 @@ from baselines.learned.graph_stnn import GraphSTNN
 from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.training import policy_gradient, replay
 from baselines.training import returns as returns_module
-from baselines.training.episodes import Course
 from baselines.training.learner import DivergedError
 from baselines.training.policy_gradient import (
     PolicyGradientLearner,
@@ -27,6 +26,7 @@ from baselines.training.policy_gradient import (
 )
 from baselines.training.replay import ReplayLearner, ReplaySettings, Transition
 from baselines.training.returns import ReturnsLearner, ReturnsSettings, cut_returns, returns
+from explore_bench.decision_process import Course
 from explore_bench.scenario import PAPER
 
 torch.set_num_threads(1)

@@ -19,10 +19,11 @@ from baselines import STRATEGIES
 from baselines.learned import checkpoint
 from baselines.learned.checkpoint import describe, load_state, load_weights
 from baselines.training import train as training
-from baselines.training.episodes import Course, play
+from baselines.training.episodes import play
 from baselines.training.returns import ReturnsLearner
 from explore_bench import seeding
 from explore_bench.cli import main
+from explore_bench.decision_process import Course
 from explore_bench.errors import RequestError
 from explore_bench.provenance import scenario_digest
 from explore_bench.scenario import PAPER

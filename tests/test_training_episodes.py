@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from handmade import TINY, record, write_plugin
 
-from baselines.training.episodes import Course, Episode, play
+from baselines.training.episodes import Episode, play
+from explore_bench.decision_process import Course
 from explore_bench.metrics import METRICS
 from explore_bench.reward import WEIGHTS, RewardWeights, reward
 from explore_bench.scenario import PAPER, Scenario
-from explore_bench.seeding import PURPOSES, ROLES, stream
+from explore_bench.seeding import stream
 from explore_bench.simulator.world import draw_world
 from explore_bench.spec import Status, TrialSpec
 from explore_bench.steps import Step
@@ -231,57 +232,6 @@ def test_an_unfinished_episode_is_scored_by_the_step_limit():
 def test_an_episode_that_never_began_has_no_steps():
     assert Episode(0).steps == 0
     assert Episode(0).status is Status.FAILED
-
-
-# Streams
-
-
-@pytest.mark.parametrize("role", ROLES)
-@pytest.mark.parametrize("purpose", PURPOSES)
-def test_the_streams_of_a_course_are_those_of_the_benchmark(purpose, role):
-    course = Course(TINY, purpose, 7)
-    for episode in (0, 1, 12_345):
-        own, expected = course.generator(episode, role), stream(purpose, 7, 12.0, episode, role)
-        np.testing.assert_array_equal(own.integers(2**63, size=4), expected.integers(2**63, size=4))
-
-
-def first(course, episode, role):
-    return int(course.generator(episode, role).integers(2**63))
-
-
-@pytest.mark.parametrize("role", ROLES)
-def test_no_stream_of_training_is_one_of_evaluation(role):
-    """Whatever the root, the episode or the size."""
-    seen = {
-        purpose: {
-            first(Course(PAPER.replace(size=size), purpose, root), episode, role)
-            for root in range(6)
-            for episode in range(12)
-            for size in (20.0, 30.0, 40.0)
-        }
-        for purpose in PURPOSES
-    }
-    assert {len(values) for values in seen.values()} == {6 * 12 * 3}
-    for one, other in itertools.combinations(PURPOSES, 2):
-        assert not seen[one] & seen[other]
-
-
-@pytest.mark.parametrize("purpose", ["train", "validate"])
-def test_no_world_of_training_is_one_of_evaluation(purpose):
-    def starts(purpose):
-        courses = [Course(PAPER, purpose, root) for root in (0, 1)]
-        return {draw_world(PAPER, course.generator(i, "world")).start for course in courses for i in range(10)}
-
-    assert len(starts(purpose)) == len(starts("evaluate")) == 20
-    assert not starts(purpose) & starts("evaluate")
-
-
-def test_courses_of_other_physics_and_the_same_size_meet_the_same_worlds():
-    """So that a setting may change without changing what it is tried on."""
-    quieter = dataclasses.replace(COURSE, scenario=TINY.replace(odometry_sigma=TINY.odometry_sigma / 2))
-    worlds = [draw_world(course.scenario, course.generator(3, "world")) for course in (COURSE, quieter)]
-    assert worlds[0].start == worlds[1].start
-    np.testing.assert_array_equal(worlds[0].obstacles, worlds[1].obstacles)
 
 
 def test_another_root_is_another_course():

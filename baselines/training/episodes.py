@@ -6,37 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from explore_bench import Observation, Scenario, rollout
-from explore_bench.reward import WEIGHTS, RewardWeights, reward
-from explore_bench.seeding import Purpose, Role, stream
-from explore_bench.simulator.world import draw_world
+from explore_bench import Observation, Scenario
+from explore_bench.decision_process import Course, DecisionProcess
 from explore_bench.spec import Status
 from explore_bench.steps import Step
 
 Act = Callable[[list[int], list[Observation]], Sequence[int]]
 """Told which episodes wait for a decision and what they see, it answers with a choice for each."""
-
-
-@dataclass(frozen=True)
-class Course:
-    """Where episodes come from, their physics and their random streams, numbered from 0, and what they earn.
-
-    Attributes
-    ----------
-    root : root seed; for training the training seed.
-    weights : of the reward of a decision (Eq. 24).
-    """
-
-    scenario: Scenario
-    purpose: Purpose
-    root: int
-    weights: RewardWeights = WEIGHTS
-
-    def generator(self, episode: int, role: Role) -> np.random.Generator:
-        """Return the stream of a role in an episode."""
-        return stream(self.purpose, self.root, self.scenario.size, episode, role)
 
 
 @dataclass
@@ -72,40 +48,17 @@ class Episode:
         return self.last.step if self.last else 0
 
 
-class _Running:
-    """One rollout, advanced from decision to decision."""
-
-    def __init__(self, course: Course, number: int) -> None:
-        world = draw_world(course.scenario, course.generator(number, "world"))
-        self._events = rollout(
-            course.scenario, world, course.generator(number, "motion"), course.generator(number, "sensor")
-        )
-        self._course = course
-        self.episode = Episode(number)
-        self.observation: Observation | None = None
-
-    def advance(self, choice: int | None) -> None:
-        """Give a choice (None at the start) and go on to the next decision, or to the end (observation None)."""
-        before, self.observation = self.episode.last, None
-        try:
-            event = self._events.send(choice)
-            while isinstance(event, Step):
-                self.episode.last = event
-                event = next(self._events)
-            self.observation = event
-        except StopIteration as stop:
-            self.episode.status = stop.value.status
-        if choice is not None and before is not None and self.episode.last is not None:
-            self.episode.rewards.append(reward(before, self.episode.last, self._course.scenario, self._course.weights))
-
-
 def play(course: Course, numbers: Sequence[int], act: Act) -> list[Episode]:
     """Play episodes in lockstep: `act` is asked for the next decisions of all that still run, until all have ended."""
-    running = [_Running(course, number) for number in numbers]
-    for one in running:
-        one.advance(None)
-    while waiting := [i for i, one in enumerate(running) if one.observation is not None]:
-        choices = act(waiting, [one.observation for i in waiting if (one := running[i]).observation is not None])
+    running = [course.begin(number) for number in numbers]
+    rewards: list[list[float]] = [[] for _ in numbers]
+    while waiting := {i: one.observation for i, one in enumerate(running) if one.observation is not None}:
+        choices = act(list(waiting), list(waiting.values()))
         for i, choice in zip(waiting, choices, strict=True):
-            running[i].advance(int(choice))
-    return [one.episode for one in running]
+            rewards[i].append(running[i].decide(int(choice)))
+    return [_episode(*one) for one in zip(numbers, running, rewards, strict=True)]
+
+
+def _episode(number: int, process: DecisionProcess, rewards: list[float]) -> Episode:
+    assert process.ending is not None
+    return Episode(number, process.rows[-1], rewards, process.ending.status)

@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor, nn
 
-from baselines.training.episodes import Course, Episode
+from baselines.training.episodes import Episode
+from explore_bench.decision_process import Course
 
 
 class Learner(Protocol):

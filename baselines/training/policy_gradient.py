@@ -16,9 +16,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.training.episodes import Course, Episode, play
+from baselines.training.episodes import Episode, play
 from baselines.training.learner import OneNetwork, descend, set_rate
 from explore_bench import Observation
+from explore_bench.decision_process import Course
 
 
 @dataclass(frozen=True)

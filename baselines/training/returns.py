@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from baselines.learned.policy import evaluate
-from baselines.training.episodes import Course, Episode, play
+from baselines.training.episodes import Episode, play
 from baselines.training.learner import OneNetwork, descend, set_rate
 from explore_bench import Observation
+from explore_bench.decision_process import Course
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,13 @@ from baselines.learned.gcn import GCN
 from baselines.learned.graph_stnn import GraphSTNN
 from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.learned.policy import evaluate
-from baselines.training.episodes import Course, Episode, play
+from baselines.training.episodes import Episode, play
 from baselines.training.learner import DivergedError, Learner
 from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGradientSettings
 from baselines.training.replay import ReplayLearner, ReplaySettings
 from baselines.training.returns import ReturnsLearner, ReturnsSettings
 from explore_bench import Entry, Observation, RequestError
+from explore_bench.decision_process import Course
 from explore_bench.errors import writing
 from explore_bench.provenance import installed_version, scenario_digest
 from explore_bench.reward import WEIGHTS, RewardWeights

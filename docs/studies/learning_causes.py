@@ -30,10 +30,11 @@ from baselines.learned.graph_stnn import GraphSTNN
 from baselines.learned.graph_stnn_plus import CHANNELS, GraphSTNNPlus
 from baselines.learned.layers import GraphBatch, Noise, NoisyLinear
 from baselines.training import train
-from baselines.training.episodes import Course, Episode, play
+from baselines.training.episodes import Episode, play
 from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGradientSettings
 from baselines.training.returns import ReturnsLearner, ReturnsSettings
 from explore_bench import Observation
+from explore_bench.decision_process import Course
 from explore_bench.registry import strategies
 from explore_bench.reward import RewardWeights
 from explore_bench.scenario import PAPER

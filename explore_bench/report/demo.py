@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from explore_bench.errors import RequestError, writing
 from explore_bench.records import Replay, Store, TrialRecord
 from explore_bench.report.html import Content, write_page
-from explore_bench.report.scene import draw_scene, scene_legend
+from explore_bench.report.scene import draw_scene, scene_legend, scene_of
 from explore_bench.report.style import entry_of, save, styled
 from explore_bench.results import trial_table
 from explore_bench.spec import TrialSpec
@@ -56,7 +56,7 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
 def _draw(figure: Figure, record: TrialRecord, replay: Replay, index: int) -> None:
     figure.clear()
     axes = figure.add_subplot()
-    draw_scene(axes, record, replay, index)
+    draw_scene(axes, scene_of(record, replay, index))
     step = replay.steps[index]
     known, uncertainty = record.steps["explored"][step], record.steps["uncertainty"][step]
     axes.set_title(f"{entry_of(record.spec.strategy).label}: step {step}, {known:.0%} known, U = {uncertainty:.0f} m²")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from explore_bench.metrics import CURVES, curve, finished
 from explore_bench.records import Store, TrialRecord
 from explore_bench.registry import in_order, strategies
-from explore_bench.report.scene import draw_scene, scene_legend
+from explore_bench.report.scene import draw_scene, scene_legend, scene_of
 from explore_bench.report.style import entry_of, save_all, styled
 from explore_bench.report.tables import shown_name
 from explore_bench.seeding import stream
@@ -92,7 +92,7 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
     figure, grid = plt.subplots(rows, columns, figsize=(3.4 * columns, 3.6 * rows + 0.7), squeeze=False)
     for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
         replay = store.replay(record.spec)
-        draw_scene(axes, record, replay, max(len(replay.steps) - 2, 0))
+        draw_scene(axes, scene_of(record, replay, max(len(replay.steps) - 2, 0)))
         axes.set_title(f"{shown_name(name)}: {record.status} after {record.steps['step'][-1]} steps")
     for axes in grid.flat[len(shown) :]:
         axes.set_axis_off()
@@ -108,7 +108,7 @@ def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
         if spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1:
             figure, axes = plt.subplots(figsize=(6.6, 4.6))
             replay = store.replay(spec)
-            draw_scene(axes, record, replay, len(replay.steps) // 2)
+            draw_scene(axes, scene_of(record, replay, len(replay.steps) // 2))
             axes.set_title(f"{shown_name(spec.strategy)}, step {replay.steps[len(replay.steps) // 2]}")
             figure.legend(handles=scene_legend(), loc="outside right center", fontsize=8)
             return figure

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
+from numpy.typing import NDArray
 
 from explore_bench.geometry import centres
 from explore_bench.records import Replay, TrialRecord
-from explore_bench.steps import unpack_ellipses, unpack_map
+from explore_bench.scenario import Scenario
+from explore_bench.simulator.world import World
+from explore_bench.steps import Snapshot, unpack_ellipses, unpack_map
 
 UNKNOWN, FREE, OCCUPIED = "#d9d9d9", "#ffffff", "#707070"
 TRUE, ESTIMATE, ELLIPSE = "#000000", "#2ca02c", "#4878a8"
@@ -21,37 +28,69 @@ POSE_ELLIPSES = 12
 """Pose ellipses drawn along a trajectory, evenly spaced."""
 
 
-def draw_scene(axes: Axes, record: TrialRecord, replay: Replay, index: int) -> None:
-    """Draw the moment of decision `index` of a replay (−1: the end of the trial) into axes.
+@dataclass(frozen=True)
+class Scene:
+    """What there is to draw of one moment.
+
+    Attributes
+    ----------
+    steps : columns of STEP_COLUMNS by name up to the moment, each of shape (T + 1,).
+    snapshot : what the replay keeps of it.
+    """
+
+    scenario: Scenario
+    world: World
+    steps: dict[str, np.ndarray]
+    snapshot: Snapshot
+
+
+def scene_of(record: TrialRecord, replay: Replay, index: int) -> Scene:
+    """Return the moment of decision `index` of a replay (−1: the end of the trial)."""
+    steps = {name: values[: replay.steps[index] + 1] for name, values in record.steps.items()}
+    landmarks = replay.landmarks[index].ravel().tolist()
+    own = replay.candidates[index], replay.choices[index], replay.maps[index], replay.ellipses[index]
+    return Scene(record.spec.scenario, record.world, steps, Snapshot(*own, landmarks))
+
+
+def scene_image(scene: Scene, pixels: int = 480) -> NDArray[np.uint8]:
+    """Draw a scene alone, shape (pixels, pixels, 3)."""
+    figure = Figure(figsize=(4.8, 4.8), dpi=pixels / 4.8)
+    canvas = FigureCanvasAgg(figure)
+    draw_scene(figure.add_axes((0.01, 0.01, 0.98, 0.98)), scene)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def draw_scene(axes: Axes, scene: Scene) -> None:
+    """Draw a moment of a trial into axes.
 
     Shown are known and unknown cells, believed obstacles and true ones (outlined), the 1-σ ellipses of the virtual
     landmarks, true (black) and estimated (yellow) landmarks, true (black) and estimated (green) trajectory with
     1-σ pose ellipses, the sensor's range, the candidates (purple) and the chosen one (red).
     """
-    scenario = record.spec.scenario
+    scenario, world, steps, snapshot = scene.scenario, scene.world, scene.steps, scene.snapshot
     n, size, cell = scenario.cells, scenario.size, scenario.cell_size
-    row = replay.steps[index]
-    steps = {name: values[: row + 1] for name, values in record.steps.items()}
-    belief = unpack_map(replay.maps[index], n)
+    belief = unpack_map(snapshot.map, n)
     shade = np.where(np.isnan(belief), 0, np.where(belief > 0.5, 2, 1))
     for kind, color in enumerate((UNKNOWN, FREE, OCCUPIED)):
         axes.add_patch(PathPatch(squares(shade == kind, cell), facecolor=color, edgecolor="none", zorder=0))
-    outlines = squares(record.world.obstacles & record.world.counted, cell)
+    outlines = squares(world.obstacles & world.counted, cell)
     axes.add_patch(PathPatch(outlines, fill=False, edgecolor=TRUE, linewidth=0.6, alpha=0.7, zorder=2))
-    _ellipses(axes, replay, index, record)
+    _ellipses(axes, scenario, snapshot)
     axes.plot(steps["true_x"], steps["true_y"], color=TRUE, linewidth=0.9)
     axes.plot(steps["x"], steps["y"], color=ESTIMATE, linewidth=1.1)
     _pose_ellipses(axes, steps)
     pose = steps["x"][-1], steps["y"][-1]
     axes.add_patch(Circle(pose, scenario.sensor_range, facecolor=RANGE, alpha=0.3, edgecolor="none"))
     axes.plot(*pose, marker="o", color=ESTIMATE, markersize=5, markeredgecolor="white", markeredgewidth=0.6)
-    axes.plot(*record.world.landmarks.T, "+", color=TRUE, markersize=8, markeredgewidth=1.6)
-    axes.plot(*replay.landmarks[index][:, :2].T, "+", color=LANDMARK, markersize=8, markeredgewidth=1.4)
-    candidates, choice = replay.candidates[index], replay.choices[index]
-    if candidates and choice is not None:
-        points = centres(np.array(candidates), n, cell)
+    axes.plot(*world.landmarks.T, "+", color=TRUE, markersize=8, markeredgewidth=1.6)
+    landmarks = np.array(snapshot.landmark_estimates, dtype=float).reshape(-1, 5)
+    axes.plot(*landmarks[:, :2].T, "+", color=LANDMARK, markersize=8, markeredgewidth=1.4)
+    if snapshot.candidates:
+        points = centres(np.array(snapshot.candidates), n, cell)
         axes.plot(*points.T, "o", color=CANDIDATE, markersize=4, linestyle="none")
-        axes.plot(*points[choice], "o", color=CHOSEN, markersize=6)
+        if snapshot.choice is not None:
+            axes.plot(*points[snapshot.choice], "o", color=CHOSEN, markersize=6)
     axes.set(xlim=(0, size), ylim=(0, size), aspect="equal", xticks=[], yticks=[])
     axes.grid(False)
     for spine in axes.spines.values():
@@ -84,9 +123,8 @@ def squares(cells: np.ndarray, side: float) -> Path:
     return Path(points.reshape(-1, 2), np.tile(np.array(codes, dtype=np.uint8), len(rows)))
 
 
-def _ellipses(axes: Axes, replay: Replay, index: int, record: TrialRecord) -> None:
-    scenario = record.spec.scenario
-    values = unpack_ellipses(replay.ellipses[index], scenario.cells, scenario.virtual_sigma).reshape(-1, 3)
+def _ellipses(axes: Axes, scenario: Scenario, snapshot: Snapshot) -> None:
+    values = unpack_ellipses(snapshot.ellipses, scenario.cells, scenario.virtual_sigma).reshape(-1, 3)
     seen = np.flatnonzero(values[:, 1] < 0.995 * scenario.virtual_sigma)
     scale = scenario.cell_size / 2 / scenario.virtual_sigma  # the prior fills its cell
     offsets = centres(seen, scenario.cells, scenario.cell_size)
