@@ -164,7 +164,7 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
     status, reason, transient = Status.FAILED, "", False
     try:
-        with _time_limit(timeout):
+        with time_limit(timeout):
             strategy = make_strategy(spec.factory, spec.arguments)
             if spec.reference:
                 strategy.reset_with_world(spec.generator("strategy"), world)
@@ -245,7 +245,7 @@ class OutOfTime(BaseException):
 
 
 @contextmanager
-def _time_limit(seconds: float | None) -> Iterator[None]:
+def time_limit(seconds: float | None) -> Iterator[None]:
     """Raise OutOfTime in the block after some seconds, where the platform has timers and this is the main thread."""
     if not seconds or not math.isfinite(seconds) or threading.current_thread() is not threading.main_thread():
         yield
