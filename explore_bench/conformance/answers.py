@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -67,10 +68,10 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"))
     given: list[int | str] = []
     drawn: list[str] = []
-    error, late = "", False
+    error, late, own = "", False, os.getpid()
     try:
         with contextlib.redirect_stdout(sys.stderr), time_limit(subject.timeout):
-            strategy = strategy or subject.make()
+            strategy = subject.make() if strategy is None else strategy
             with watched(chance, drawn):
                 if spec.reference:
                     strategy.reset_with_world(tour.generator("strategy"), tour.world())
@@ -83,6 +84,9 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
         raise
     except BaseException as raised:
         error = f"it raised {describe(raised)}"
+    finally:
+        if os.getpid() != own:  # it forked and came back twice
+            os._exit(0)
     modified = next(filter(None, map(changed_part, before, shown)), "")
     if modified:
         observations.cache_clear()

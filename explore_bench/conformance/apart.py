@@ -15,15 +15,14 @@ from typing import BinaryIO
 
 from explore_bench.conformance.answers import Answers, play
 from explore_bench.conformance.subject import Subject
-from explore_bench.conformance.tours import LARGE, SMALL, Tour
+from explore_bench.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour
 from explore_bench.errors import RequestError
 from explore_bench.records import Store
 from explore_bench.runner import check_runnable, execute
 from explore_bench.spec import Status
 from explore_bench.trial import OutOfTime, run_trial, time_limit
 
-TOURS = (LARGE, SMALL)
-"""What is played and run in processes of their own."""
+TOURS = (*ORDINARY, *SITUATIONS)
 
 GRACE = 30.0
 """Seconds beyond its limit after which a process that cannot be interrupted is killed."""
@@ -48,15 +47,16 @@ class Examination:
     Attributes
     ----------
     refusal : why it cannot be made, in a sentence; empty where it can; None where it did not come to that.
-    tours, trials : its answers to the observations of each tour, and its own trial in the world of each.
-    late : whether its import took too long.
+    tours : its answers to the observations of each of TOURS, in their order.
+    trials : its own trial in each of the worlds of TRIALS.
+    hung : whether it could be stopped only by killing its process.
     death : how its process ended before its time, in words; empty where it did not.
     """
 
     refusal: str | None = None
     tours: dict[Tour, Answers] = field(default_factory=dict)
     trials: dict[Tour, Played] = field(default_factory=dict)
-    late: bool = False
+    hung: bool = False
     death: str = ""
 
 
@@ -70,6 +70,7 @@ def examine(subject: Subject) -> Examination:
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         pass_fds=(write_end,),
+        start_new_session=True,  # Ctrl-C is ours
         env=os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     os.close(write_end)
@@ -80,7 +81,8 @@ def examine(subject: Subject) -> Examination:
         try:
             _receive(pipe, found, subject.timeout + GRACE)
         except TimeoutError:
-            found.death = f"did not end within {subject.timeout:g} s, could not be interrupted and was killed"
+            found.hung = True
+            found.death = f"was killed: nothing came of it in {subject.timeout:g} s, nor could it be interrupted"
         except EOFError:
             found.death = f"died (exit code {process.wait()})"
         finally:
@@ -90,7 +92,7 @@ def examine(subject: Subject) -> Examination:
 
 def _receive(pipe: BinaryIO, found: Examination, limit: float) -> None:
     """Read what comes, until the last trial or something that ends the examination."""
-    while len(found.trials) < len(TOURS) and not found.refusal:
+    while len(found.trials) < len(TRIALS) and not found.refusal:
         if not select.select([pipe], [], [], limit)[0]:
             raise TimeoutError
         name, tour, value = pickle.load(pipe)
@@ -114,16 +116,17 @@ def report(descriptor: int) -> None:
 def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
     try:
         with time_limit(subject.timeout):
-            check_runnable([subject.spec(LARGE)])
+            check_runnable([subject.spec(TRIALS[0])])
         yield "refusal", None, ""
     except OutOfTime:
-        yield "late", None, True
         yield "refusal", None, f"its import took longer than the {subject.timeout:g} s allowed"
+        return
     except RequestError as error:
         yield "refusal", None, str(error).rstrip(".")
+        return
     for tour in TOURS:
         yield "tours", tour, play(subject, tour)
-    for tour in TOURS:
+    for tour in TRIALS:
         result = run_trial(subject.spec(tour), subject.timeout)
         choices = tuple(made.choice for made in result.snapshots.values() if made.choice is not None)
         slowest = max(result.decision_seconds, default=0.0)
@@ -142,9 +145,9 @@ def run_in_workers(subject: Subject) -> dict[Tour, Played]:
     with TemporaryDirectory() as folder:
         store = Store(Path(folder))
         store.open(0, "calibrate", None)
-        specs = {subject.spec(tour).trial: tour for tour in TOURS}
-        assert len(specs) == len(TOURS)
-        for outcome in execute([subject.spec(tour) for tour in TOURS], store, len(TOURS), timeout=subject.timeout):
+        specs = {subject.spec(tour).trial: tour for tour in TRIALS}
+        assert len(specs) == len(TRIALS)
+        for outcome in execute([subject.spec(tour) for tour in TRIALS], store, len(TRIALS), timeout=subject.timeout):
             choices = [choice for choice in store.replay(outcome.spec).choices if choice is not None]
             found[specs[outcome.spec.trial]] = Played(outcome.status, outcome.reason, tuple(choices))
     return found

@@ -83,11 +83,17 @@ _FINE = PAPER.replace(
 
 LARGE = Tour("20 m", PAPER, trial=0)
 SMALL = Tour("14 m", _SMALL, trial=1)
+ORDINARY = (LARGE, SMALL)
+
 ONE_CANDIDATE = Tour("one candidate", _SMALL.replace(candidates_per_robot=1, candidates_per_landmark=0), trial=1)
 MANY_CANDIDATES = Tour(f"{MANY} candidates", _FINE, trial=2, decisions=4)
 NO_LANDMARK = Tour("no landmark", _SMALL.replace(landmark_count=0), trial=1)
 CORNERS = tuple(
-    Tour(f"the corner at ({x:g}, {y:g}) m", _OPEN, trial=0, start=(x, y, 0.3), decisions=2)
+    Tour(f"the corner at ({x:g}, {y:g}) m", _OPEN, trial=3, start=(x, y, 0.3), decisions=2)
     for x in (1.0, 13.0)
     for y in (1.0, 13.0)
 )
+SITUATIONS = (ONE_CANDIDATE, MANY_CANDIDATES, NO_LANDMARK, *CORNERS)
+
+TRIALS = (replace(LARGE, name="a trial of 20 m", trial=10), replace(SMALL, name="a trial of 14 m", trial=11))
+"""Worlds of a strategy's own trials: others than those of the tours, of which it may keep something."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Broken(Exception):
+class BrokenError(Exception):
     """A rule does not hold: what happened."""
 
 
-class NotApplicable(Exception):
+class NotApplicableError(Exception):
     """A rule says nothing of this strategy: why."""
 
 
