@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from explore_bench.conformance.answers import Answers
 from explore_bench.conformance.apart import TOURS
 from explore_bench.conformance.evidence import Evidence
-from explore_bench.conformance.tours import ORDINARY, TRIALS, Tour
+from explore_bench.conformance.tours import ORDINARY, Tour
 from explore_bench.conformance.verdict import BrokenError, NotApplicableError
 from explore_bench.spec import Status
 
