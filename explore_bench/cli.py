@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import click
 
 from explore_bench.commands import DONE, INTERRUPTED, WRONG
+from explore_bench.commands.check import check
 from explore_bench.commands.compare import compare
 from explore_bench.commands.demo import demo
 from explore_bench.commands.gate import gate
@@ -46,5 +47,5 @@ def cli() -> None:
     """Compare robot-exploration strategies: paired, seeded trials in one simulator, tables with intervals."""
 
 
-for command in (list_, run, report, compare, gate, demo, train, perf):
+for command in (list_, run, report, compare, gate, check, demo, train, perf):
     cli.add_command(command)
