@@ -52,7 +52,7 @@ def every_field(spec):
 
 
 def test_the_suites_of_the_benchmark():
-    assert list(SUITES) == ["smoke", "table2", "table3", "layers", "paper", "robustness"]
+    assert list(SUITES) == ["smoke", "table2", "table3", "layers", "paper", "robustness", "maps"]
     assert all(suite.description for suite in SUITES.values())
 
 
@@ -76,6 +76,12 @@ def test_robustness_runs_every_strategy_at_20_m_under_every_variation_of_one_con
     assert PAPER.odometry_sigma * 4 == physics["odometry noise × 4"].odometry_sigma
     assert physics["sensor range 3 m"].sensor_range == 3.0
     assert physics["occlusion"].occlusion
+
+
+def test_a_suite_may_ask_for_the_first_training_seed_only():
+    learned = next(name for name, entry in strategies().items() if len(entry.weights) > 1)
+    assert {spec.training_seed for spec in plan("robustness", [learned]).specs} == {0}
+    assert {spec.training_seed for spec in plan("smoke", [learned]).specs} == set(strategies()[learned].weights)
 
 
 def test_variations_change_a_scenario_that_is_given():
@@ -233,7 +239,7 @@ def test_two_strategies_of_one_name_are_refused(tmp_path):
 def test_a_plugin_of_the_name_of_a_registered_strategy_is_refused_beside_it(tmp_path):
     file = tmp_path / "mine.py"
     file.write_text("class nearest: ...\n")
-    assert "same name" in message("smoke", ["nearest", f"{file}:nearest"])
+    assert "the name of a registered one" in message("smoke", ["nearest", f"{file}:nearest"])
 
 
 def test_a_plugin_runs_at_all_sizes_of_the_suite(tmp_path):

@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from explore_bench.conformance import check
 from explore_bench_frontier import STRATEGIES
 from explore_bench_frontier.claims import CLAIMS
 from explore_bench_frontier.next_best_view import NextBestView, unknown_area
 
 from explore_bench import RequestError, Scenario
+from explore_bench.conformance import check
 
 
 @pytest.fixture
