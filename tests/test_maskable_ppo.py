@@ -87,7 +87,7 @@ def test_the_plugin_chooses_as_the_model_does(trained):
 @pytest.mark.slow
 def test_it_enters_the_benchmark_beside_the_others(trained, tmp_path):
     results = tmp_path / "results"
-    name = f"MaskablePPO[weights={trained.path.name}]"
+    name = f'MaskablePPO[weights="{trained.path.name}"]'
     asked = ["-s", f"{EXAMPLES / 'maskable_ppo.py'}:MaskablePPO[weights={trained.path}]", "-s", "random"]
     with pytest.raises(SystemExit) as ended:
         main(["run", "smoke", *asked, "--trials", "2", "--results", str(results)])
