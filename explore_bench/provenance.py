@@ -209,14 +209,22 @@ def _spec(package: str) -> ModuleSpec | None:
 
 
 @cache
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_bytes())
+def _tree(path: Path) -> ast.Module | None:
+    return _parsed(path)
+
+
+def _parsed(path: Path) -> ast.Module | None:
+    """Syntax tree of a file; None for one that does not parse, which imports nothing and counts by its bytes."""
+    try:
+        return ast.parse(path.read_bytes())
+    except (SyntaxError, ValueError, RecursionError):
+        return None
 
 
 def _imports(path: Path, module: str) -> set[str]:
     """Names that a file imports: of `from a import b` both a and a.b, which may be a module or not."""
     names: set[str] = set()
-    for node in ast.walk(_tree(path)):
+    for node in ast.walk(_tree(path) or ast.Pass()):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -233,7 +241,9 @@ def _imports(path: Path, module: str) -> set[str]:
 @cache
 def _syntax(path: Path) -> bytes:
     """Syntax tree of a file without positions and without strings that stand alone: docstrings of all kinds."""
-    tree = ast.parse(path.read_bytes())
+    tree = _parsed(path)
+    if tree is None:
+        return path.read_bytes()
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):

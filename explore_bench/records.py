@@ -286,7 +286,7 @@ def _facts(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
 def _is_current(values: dict[str, Any], key: str) -> bool:
     try:
         return trial_key(_spec_from(values)) == key
-    except (OSError, SyntaxError, RequestError):
+    except (OSError, RequestError):
         return False  # a plugin's file that is gone or broken, a constant that is no more
 
 

@@ -127,9 +127,9 @@ def environment(folder):
 
 
 def package_commands():
-    """Return the commands of docs/plugins.md that install and use the package."""
-    block = re.search(r"```sh\n(.*?)```", (ROOT / "docs/plugins.md").read_text(), re.DOTALL)[1]
-    return [line.removeprefix("$ ") for line in block.splitlines()]
+    """Return the commands of docs/plugins.md that use the package, behind those that put it into a folder apart."""
+    block = re.search(r"```console\n\$ pip install(.*?)```", (ROOT / "docs/plugins.md").read_text(), re.DOTALL)[1]
+    return [line.removeprefix("$ ") for line in block.splitlines()[2:]]
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_the_package_is_installed_runs_is_reported_and_keeps_the_contract(tmp_pa
     )
     offline = {"PIP_NO_INDEX": "1", "PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
     variables = {**os.environ, **offline, "PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}"}
-    commands = package_commands()
+    commands = ["pip install ./examples/explore-bench-frontier", *package_commands()]
     assert [command.split()[0] for command in commands] == ["pip", "explore-bench", "explore-bench", "python"]
 
     def call(command):

@@ -125,7 +125,7 @@ def processor() -> str:
 def _code(spec: TrialSpec) -> str:
     try:
         return code_digest(parse_factory(spec.factory)[0])[:SHOWN_DIGITS]
-    except (OSError, SyntaxError):  # a plugin's file that is gone or broken
+    except OSError:  # a plugin's file that is gone
         return "–"
 
 
