@@ -9,7 +9,7 @@ TRAININGS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean gate lint perf report robustness setup test test-slow train
+.PHONY: bench bench-smoke calibrate clean gate lint maps perf report robustness setup test test-slow train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure
 	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
@@ -25,6 +25,10 @@ robustness: $(READY)     ## Every strategy under other noise, ranges, densities 
 gate: $(READY)           ## Is a metric worse than results/reference tolerates? A minute, into results/gate
 	@$(BIN)/explore-bench run smoke -s nearest -s entropy -s uncertainty --trials 250 --results results/gate; \
 	  $(BIN)/explore-bench gate --results results/gate
+
+maps: $(READY)           ## The compared methods in the maps of the gallery, into results/maps
+	@$(BIN)/explore-bench run maps --results results/maps; status=$$?; \
+	  $(BIN)/explore-bench report --results results/maps && exit $$status
 
 report: $(READY)         ## Tables and figures from stored records
 	$(BIN)/explore-bench report

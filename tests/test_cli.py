@@ -701,6 +701,63 @@ def test_robustness_has_a_folder_of_its_own_and_a_report_of_its_own(call, refuse
     assert "'any'" in refused("run", "smoke", "-s", "nearest", "--trials", 1, "--results", tmp_path / "own")
 
 
+def test_maps_has_a_folder_of_its_own_and_a_report_of_its_own(call, refused, tmp_path):
+    own = ("run", "maps", "-s", "nearest", "--trials", 1, "--backend", "sequential", "--results", tmp_path / "own")
+    assert call(*own)[0] == 0
+    trials = pd.read_csv(tmp_path / "own" / "trials.csv")
+    assert list(trials["scenario"]) == ["cave", "corridor", "loop", "rooms"]
+    assert set(trials["status"]) == {"explored"}
+    assert "0 to do" in call(*own)[1]
+    assert call("report", "--results", tmp_path / "own")[0] == 0
+    assert (tmp_path / "own" / "tables" / "maps.md").is_file()
+    assert (tmp_path / "own" / "figures" / "maps.svg").is_file()
+    assert not (tmp_path / "own" / "summary.csv").exists()
+
+
+MAP = "######\n#....#\n#.##.#\n#....#\n######\n"
+
+
+def test_a_map_from_a_file_is_the_world_of_a_run_and_of_its_demo(call, refused, tmp_path, tiny):
+    file = tmp_path / "ring.txt"
+    file.write_text(MAP)
+    own = ("run", "smoke", "-s", "nearest", "--trials", 2, "--backend", "sequential", "--results", tmp_path / "own")
+    assert call(*own, "--map", file)[0] == 0
+    trials = pd.read_csv(tmp_path / "own" / "trials.csv")
+    assert set(trials["scenario"]) == {"ring.txt"}
+    assert set(trials["size"]) == {12.0}
+    assert call("report", "--results", tmp_path / "own")[0] == 0
+    assert (tmp_path / "own" / "report.html").is_file()
+    assert "'paper'" in refused(*own)
+    picture = tmp_path / "ring.png"
+    code, out, _ = call("demo", "nearest", "--map", file, "--scenario", tiny, "--trial", 1, "--output", picture)
+    assert (code, out.split(":")[0]) == (0, "nearest, 12 m, world 1")
+    assert picture.is_file()
+    file.write_text(MAP.replace("##.#", "...#"))
+    assert "trials of scenario 'map=" in refused(*own, "--map", file), "an edited map is another"
+
+
+def test_a_map_of_the_gallery_has_a_demo_by_its_name(call, tmp_path):
+    code, out, _ = call("demo", "nearest", "--map", "loop", "--output", tmp_path / "loop.html")
+    assert (code, out.split(":")[0]) == (0, "nearest, 40 m, world 0")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--map", "gone.yaml"), "map 'gone.yaml': it cannot be read"),
+        (("--map", "gone"), "nor one of the gallery"),
+        (("--map", "loop", "--size", 20), "size 20 m is not that of the map, 40 m"),
+        (("--map", "loop", "--resolution", 0.05), "made of cells; leave it out"),
+        (("--resolution", 0.05), "resolution 0.05 is given without a map; add --map FILE"),
+    ],
+)
+@pytest.mark.parametrize("command", [("demo", "nearest"), ("run", "smoke", "-s", "nearest")])
+def test_a_map_that_cannot_be_is_refused(refused, tmp_path, monkeypatch, command, arguments, named):
+    monkeypatch.chdir(tmp_path)
+    assert named in refused(*command, *arguments)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_demo_draws_one_trial_and_writes_nothing_else(call, tmp_path, tiny, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, err = call("demo", "nearest", "--scenario", tiny, "--size", 12, "--output", tmp_path / "a.png")

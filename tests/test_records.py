@@ -120,6 +120,28 @@ def test_a_specification_with_unusual_fields_comes_back_exactly(store):
     assert store.find(spec).spec == spec
 
 
+def test_a_trial_in_a_given_map_comes_back_with_what_counts_in_it(store):
+    scenario = TINY.replace(map=("?#####", "?#..##", "##..#.", "#....#", "#....#", "######"))
+    spec = TrialSpec("nearest", "baselines.nearest:Nearest", scenario, 0)
+    result = run_trial(spec)
+    store.write(result)
+    record = store.find(spec)
+    assert record.spec == spec
+    assert record.world.digest == result.world.digest
+    assert np.array_equal(record.world.counted, result.world.counted)
+    assert not record.world.counted.all()
+
+
+def test_a_folder_of_one_map_refuses_another(store):
+    one, other = (TINY.replace(map=rows) for rows in (("...", "...", "..#"), ("...", "...", "...")))
+    store.open(0, "evaluate", one)
+    store.open(0, "evaluate", one.replace(map=list(one.map)))
+    for scenario in (other, TINY):
+        sentence = message(store.open, 0, "evaluate", scenario)
+        assert "map=" in sentence
+        assert len(sentence) < 400, "a digest, not the map"
+
+
 def test_the_final_trajectory_comes_back_as_single_precision(stored):
     for spec, result in zip(stored.specs, stored.results, strict=True):
         final = stored.store.find(spec).final

@@ -177,3 +177,82 @@ def test_no_number_makes_anything_but_a_scenario_or_a_refusal(key, value):
         return
     assert scenario.landmarks + scenario.obstacles < scenario.cell_count
     assert scenario.step_limit >= 0
+
+
+# Given maps
+
+
+MAP = ("#####", "#..S#", "#...#", "##.##", "#####")
+
+
+def test_the_size_follows_from_a_map():
+    scenario = Scenario(map=list(MAP))
+    assert (scenario.map, scenario.size, scenario.cells) == (MAP, 10.0, 5)
+    assert Scenario(map=MAP, cell_size=0.5, arrival_radius=0.1).size == 2.5
+    assert Scenario(map=("....", "....")).size == 8.0
+    assert Scenario(map=MAP, size=10.0) == scenario
+
+
+def test_counts_follow_from_a_map():
+    """7 cells can be reached and 10 obstacles share a side with one: 17 cells count, so 3 per 100 are 0.51 → 1."""
+    scenario = Scenario(map=MAP, obstacle_count=3)
+    assert (scenario.obstacles, scenario.landmarks) == (18, 1)
+    assert scenario.cell_count == 25
+    assert Scenario(map=MAP, landmark_density=20.0).landmarks == 3
+    assert Scenario(map=MAP, landmark_count=100).landmarks == 5, "two cells stay open"
+
+
+def test_a_map_is_part_of_a_scenario_s_value():
+    scenario = Scenario(map=MAP)
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+    assert hash(Scenario(map=list(MAP))) == hash(scenario)
+    assert scenario != Scenario(map=MAP[::-1])
+    assert Scenario(**scenario.model_dump()) == scenario
+
+
+def test_replace_lets_the_size_follow_the_map():
+    scenario = Scenario(map=MAP)
+    assert scenario.replace(cell_size=1.0).size == 5.0
+    assert scenario.replace(occlusion=True).map == MAP
+    assert scenario.replace(map=("...", "...", "...")).size == 6.0
+    assert scenario.replace(map=None).size == 10.0
+    assert PAPER.replace(size=30.0).replace(map=MAP).size == 10.0
+
+
+def test_a_robot_may_know_all_constants_but_the_map():
+    scenario = Scenario(map=MAP, landmark_count=100, sensor_range=7.0)
+    blind = scenario.blind
+    assert blind.map is None
+    assert (blind.size, blind.landmarks, blind.sensor_range) == (10.0, 5, 7.0)
+    assert (blind.step_limit, blind.prior_uncertainty) == (scenario.step_limit, scenario.prior_uncertainty)
+    assert PAPER.blind is PAPER
+
+
+def test_the_most_landmarks_that_a_map_may_hold_leave_a_valid_blind_scenario():
+    assert Scenario(map=("...", "...", "..."), landmark_count=10**9, obstacle_density=9.0).blind.landmarks == 7
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"map": "rooms.png"}, ("'rooms.png'", "--map")),
+        ({"map": 3}, ("'map'", "3")),
+        ({"map": ["..", 3]}, ("'map'", "3")),
+        ({"map": []}, ("empty", "two free cells")),
+        ({"map": ["", ""]}, ("no free cell",)),
+        ({"map": ["..", "x."]}, ("row 2", "'x'", "# (obstacle)")),
+        ({"map": ["SS"]}, ("2 starts",)),
+        ({"map": ["##", "##"]}, ("no free cell",)),
+        ({"map": ["??", "??"]}, ("no free cell",)),
+        ({"map": ["#.", ".#"]}, ("no two free cells",)),
+        ({"map": ["." * 201]}, ("402 m", "40401 cells", "40000")),
+        ({"map": ["." * 10**6]}, ("size", "2000000")),
+        ({"map": ["...."], "size": 20.0}, ("20 m", "8 m", "leave it out")),
+        ({"map": ["...."], "cell_size": "big"}, ("'cell_size'", "'big'")),
+    ],
+)
+def test_what_is_no_map_is_refused(values, named):
+    with pytest.raises(RequestError) as error:
+        Scenario(**values)
+    assert all(part in str(error.value) for part in named)
+    assert_one_sentence(error)

@@ -1,8 +1,10 @@
 """Scenarios by name and from files: what a file changes, and what is refused and how."""
 
+import numpy as np
 import pytest
 
 from explore_bench.errors import RequestError
+from explore_bench.maps import gallery
 from explore_bench.scenario import CHEN_2020, PAPER, SCENARIOS
 from explore_bench.scenario_file import load_scenario
 
@@ -90,3 +92,57 @@ def test_a_folder_is_no_scenario_file(tmp_path):
 def test_a_file_of_another_kind_is_refused_by_name(toml):
     with pytest.raises(RequestError, match=r"mine\.json"):
         load_scenario(toml("{}", "mine.json"))
+
+
+# Maps
+
+ROWS = ("####", "#S.#", "#..#", "####")
+
+
+def test_a_file_may_draw_a_map_itself(toml):
+    scenario = load_scenario(toml('occlusion = true\nmap = ["####", "#S.#", "#..#", "####"]\n'))
+    assert scenario == PAPER.replace(map=ROWS, occlusion=True)
+
+
+def test_a_file_may_name_a_map_that_lies_beside_it_whatever_the_working_folder(toml, tmp_path, monkeypatch):
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "rooms.txt").write_text("\n".join(ROWS))
+    path = toml('extends = "chen2020"\nmap = "maps/rooms.txt"\ncell_size = 1.0\n')
+    monkeypatch.chdir(tmp_path / "maps")
+    assert load_scenario(path) == CHEN_2020.replace(map=ROWS, cell_size=1.0)
+
+
+def test_a_file_says_how_wide_a_pixel_is(toml, tmp_path):
+    np.save(tmp_path / "rooms.npy", np.kron([[one == "#" for one in row] for row in ROWS], np.ones((4, 4))) > 0)
+    scenario = load_scenario(toml('map = "rooms.npy"\nresolution = 0.5\n'))
+    assert scenario.map == tuple(row.replace("S", ".") for row in ROWS)
+    assert load_scenario(toml('map = "rooms.npy"\nresolution = 2\n')).size == 32.0
+
+
+def test_a_file_may_name_a_map_of_the_gallery(toml):
+    assert load_scenario(toml('map = "loop"\n')).map == gallery()["loop"]
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ('map = "gone.yaml"', "gone.yaml': it cannot be read (No such file or directory)"),
+        ('map = "lop"', "nor one of the gallery (cave, corridor, loop, rooms)"),
+        ("map = []", "the map is empty"),
+        ("map = 3", "'map' is 3"),
+        ('map = ["..", "#x"]', "row 2 of the map holds 'x'"),
+        ('map = "loop"\nresolution = "fine"', "'resolution' is 'fine'"),
+        ('map = "loop"\nresolution = true', "'resolution' is True"),
+        ('map = "loop"\nsize = 20.0', "size 20 m is not that of the map, 40 m; leave it out"),
+        ('map = ["...."]\nsize = 20.0', "size 20 m is not that of the map, 8 m; leave it out"),
+        ("resolution = 0.05", "'resolution'"),
+        ('map = "loop"\ncell_size = -1', "'cell_size' is -1"),
+    ],
+)
+def test_a_wrong_map_is_refused_by_the_file_and_what_is_wrong(toml, text, named):
+    path = toml(text)
+    with pytest.raises(RequestError) as error:
+        load_scenario(path)
+    assert str(error.value).startswith(f"scenario file '{path}'")
+    assert named in str(error.value)
+    assert_one_sentence(error)

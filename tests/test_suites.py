@@ -7,6 +7,7 @@ import pytest
 from handmade import TINY, write_plugin
 
 from explore_bench.errors import RequestError
+from explore_bench.maps import gallery
 from explore_bench.registry import strategies
 from explore_bench.scenario import PAPER, Scenario
 from explore_bench.suites import SUITES, plan
@@ -88,6 +89,39 @@ def test_variations_change_a_scenario_that_is_given():
     asked = plan("robustness", ["nearest"], trials=1, scenario=PAPER.replace(range_sigma=0.1)).specs
     assert {spec.scenario.range_sigma for spec in asked} == {0.1}
     assert len(asked) == 10
+
+
+def test_maps_runs_the_compared_methods_on_20_worlds_of_every_map_of_the_gallery_with_occlusion(all_trained):
+    asked = plan("maps")
+    assert asked.varied
+    assert {spec.strategy for spec in asked.specs} == UNTRAINED_BASELINES | LEARNED["table2"]
+    own = [spec for spec in asked.specs if spec.strategy == "nearest"]
+    assert [spec.scenario_name for spec in own] == [name for name in gallery() for _ in range(20)]
+    for spec in own:
+        assert spec.scenario == PAPER.replace(map=gallery()[spec.scenario_name], occlusion=True)
+        assert spec.scenario.size == 40.0
+
+
+def test_constants_of_a_scenario_hold_in_the_maps_of_a_suite_too():
+    asked = plan("maps", ["nearest"], trials=1, scenario=PAPER.replace(size=30.0, range_sigma=0.1)).specs
+    assert {(spec.scenario.range_sigma, spec.scenario.size) for spec in asked} == {(0.1, 40.0)}
+    coarse = plan("maps", ["nearest"], trials=1, scenario=PAPER.replace(cell_size=1.0)).specs
+    assert {spec.scenario.size for spec in coarse} == {20.0}
+
+
+def test_a_map_keeps_its_size_in_every_suite():
+    mapped = PAPER.replace(map=gallery()["loop"])
+    assert {spec.scenario.size for spec in plan("table2", ["nearest"], trials=1, scenario=mapped).specs} == {40.0}
+    asked = plan("robustness", ["nearest"], trials=1, scenario=mapped).specs
+    assert {(spec.scenario.map, spec.scenario.size) for spec in asked} == {(mapped.map, 40.0)}
+
+
+def test_a_size_that_is_not_the_map_s_and_two_maps_at_once_are_refused():
+    mapped = PAPER.replace(map=gallery()["loop"])
+    assert "size 20 m is not that of the map, 40 m" in message("table2", ["nearest"], [20.0], scenario=mapped)
+    assert "size 30 m is not that of the map, 40 m" in message("maps", ["nearest"], [30.0])
+    assert plan("maps", ["nearest"], [40.0], 1).specs == plan("maps", ["nearest"], trials=1).specs
+    assert "suite 'maps' has maps of its own" in message("maps", ["nearest"], scenario=mapped)
 
 
 def test_table_2_runs_at_20_and_40_m_and_table_3_at_30_m_too_on_50_worlds():

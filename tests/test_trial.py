@@ -18,6 +18,7 @@ from handmade import write_plugin
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import between, centre_of, compose
+from explore_bench.maps import with_map
 from explore_bench.planning.frontier import Withheld
 from explore_bench.scan import Scan
 from explore_bench.scenario import Scenario
@@ -794,3 +795,91 @@ def test_a_strategy_that_overwrites_its_observation_by_force_changes_nothing(hon
     result = run_trial(spec_of("Forges", PAPER))
     assert result.reason == ""
     assert result.steps == honest.steps
+
+
+# Given maps
+
+
+ROOMS = Scenario(
+    map=(
+        "##########",
+        "#....#...#",
+        "#....#...#",
+        "#........#",
+        "#....#...#",
+        "######.###",
+        "#??###.#.#",
+        "#.S......#",
+        "#........#",
+        "##########",
+    ),
+    occlusion=True,
+)
+"""Two rooms and a hall, one free cell that nobody reaches, and a corner that the map does not know."""
+
+
+@pytest.fixture(scope="module")
+def mapped():
+    return play(ROOMS, nearest)
+
+
+def test_in_a_map_the_known_share_is_of_the_cells_that_count(mapped):
+    events, ending = mapped
+    world = draw_world(ROOMS, TrialSpec("none", "none:none", ROOMS, 0).generator("world"))
+    rows = {row.step: row for row in steps_of(events)}
+    beliefs = [(observation.step, observation.belief) for observation, _ in decisions_of(events)]
+    for step, belief in [*beliefs, (max(rows), ending.belief)]:
+        assert rows[step].explored == pytest.approx(belief.known[world.counted].mean())
+        assert belief.explored == pytest.approx(belief.known.mean())
+    assert ending.status is Status.EXPLORED
+    assert rows[max(rows)].explored >= 0.9 > rows[max(rows) - 1].explored
+    assert ending.belief.explored < rows[max(rows)].explored
+
+
+def test_u_stays_a_sum_over_all_cells(mapped):
+    events, ending = mapped
+    last = steps_of(events)[-1]
+    assert last.uncertainty == pytest.approx(ending.belief.virtual_traces.sum())
+    assert ending.belief.virtual_traces.shape == (10, 10)
+    assert last.uncertainty < ROOMS.prior_uncertainty == 200.0
+
+
+def test_nothing_that_a_strategy_is_shown_holds_the_map(mapped):
+    for observation, _ in decisions_of(mapped[0]):
+        assert observation.scenario.map is None
+        assert observation.scenario == ROOMS.blind
+        parts = reachable_from(observation)
+        assert any(part is observation.belief.known for part in parts)
+        assert not [part for part in parts if isinstance(part, str) and part in ROOMS.map]
+    assert mapped[1].belief.scenario.map is None
+
+
+def test_a_world_of_a_map_may_have_fewer_landmarks_but_not_more():
+    crowded = ROOMS.replace(landmark_count=60)
+    events, ending = play(crowded, nearest)
+    assert isinstance(events[0], Step)
+    assert ending.status is Status.EXPLORED
+    world = draw_world(crowded, TrialSpec("none", "none:none", crowded, 0).generator("world"))
+    with pytest.raises(ValueError, match="make them agree"):
+        play(crowded.replace(landmark_count=len(world.landmarks) - 1), nearest, world=world)
+
+
+@pytest.mark.parametrize("name", ["cave", "corridor", "loop", "rooms"])
+def test_every_map_of_the_gallery_is_explored_by_the_nearest_frontier(name):
+    scenario = with_map(PAPER.replace(occlusion=True), name)
+    result = run_trial(TrialSpec("nearest", "test_trial:Nearest", scenario, 0))
+    assert result.status is Status.EXPLORED
+    assert len(result.steps) < scenario.step_limit / 4
+
+
+def test_the_reference_explores_a_map_whose_cells_do_not_all_count():
+    spec = TrialSpec("clairvoyant", "baselines.clairvoyant:Clairvoyant", ROOMS, 0, reference=True)
+    known, blind = run_trial(spec), run_trial(TrialSpec("nearest", "test_trial:Nearest", ROOMS, 0))
+    assert known.status is blind.status is Status.EXPLORED
+    assert len(known.steps) <= 1.2 * len(blind.steps)
+
+
+def test_a_trial_in_a_map_is_the_same_every_time():
+    first, second = (run_trial(TrialSpec("nearest", "test_trial:Nearest", ROOMS, 1)) for _ in range(2))
+    assert first.steps == second.steps
+    assert first.world.digest == second.world.digest

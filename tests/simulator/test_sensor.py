@@ -12,6 +12,7 @@ from explore_bench.scenario import Scenario
 from explore_bench.seeding import stream
 from explore_bench.simulator.sensor import Sensor
 from explore_bench.simulator.world import World, draw_world
+from explore_bench.site import site_of
 
 EDGE, CELL = 10, 2.0
 poses = st.tuples(st.floats(-3.0, 23.0), st.floats(-3.0, 23.0), st.floats(-math.pi, math.pi))
@@ -223,3 +224,76 @@ def test_a_cell_is_hidden_where_an_obstacle_s_square_cuts_the_line_to_its_centre
             continue  # a line through a corner may be judged either way
         hidden = any(cut > 0.0 for cut in cuts)
         assert scan.patch[i, j] == (HIDDEN if hidden else true_value(world, *centre))
+
+
+# Occlusion in given maps
+
+TWO_ROOMS = (
+    "##########",
+    "#...##...#",
+    "#...##...#",
+    "#...##...#",
+    "#........#",
+    "##########",
+)
+
+
+def given_world(landmarks=(), rows=TWO_ROOMS):
+    """Make the world of a map by hand, landmarks given in metres."""
+    site = site_of(rows)
+    uncounted = np.flatnonzero(~site.counted)
+    return World(site.blocked, np.array(landmarks, dtype=float).reshape(-1, 2), (3.0, 9.0, 0.0), CELL, uncounted)
+
+
+def patch_rows(scan):
+    """Draw a scan's patch, north first."""
+    return ["".join(".#?"[value] for value in row) for row in scan.patch[::-1]]
+
+
+def test_walls_of_a_map_hide_what_is_behind_and_the_sensor_sees_their_faces_and_corners():
+    """From the middle of the left room, 8 m of range: both walls, the corners where they meet, not the right room."""
+    scan = scan_of(given_world(), (5.0, 7.0, 0.3), occlusion=True, sensor_range=8.0)
+    assert patch_rows(scan) == [
+        "?????????",
+        "?????????",
+        "??#####??",
+        "??#...#??",
+        "??#...#??",
+        "??#...#??",
+        "??#....??",
+        "??#####??",
+        "?????????",
+    ]
+
+
+def test_without_occlusion_walls_hide_nothing():
+    scan = scan_of(given_world(), (5.0, 7.0, 0.3), sensor_range=8.0)
+    assert not (scan.patch == HIDDEN).any()
+
+
+def test_a_landmark_behind_a_wall_of_a_map_is_not_sighted_until_the_way_to_it_is_clear():
+    world = given_world([(13.0, 7.0), (3.5, 8.5)])
+    assert scan_of(world, (5.0, 7.0, 0.0), occlusion=True, sensor_range=9.0).landmarks.tolist() == [1]
+    assert scan_of(world, (5.0, 7.0, 0.0), sensor_range=9.0).landmarks.tolist() == [0, 1]
+    assert scan_of(world, (13.0, 3.0, 0.0), occlusion=True, sensor_range=9.0).landmarks.tolist() == [0]
+
+
+def test_a_corner_is_seen_only_with_both_walls_that_meet_there():
+    """From the far end of the corridor its lower wall is in sight below the robot only; from its near end, both are."""
+    far = patch_rows(scan_of(given_world(), (7.0, 3.0, 0.0), occlusion=True, sensor_range=6.0))
+    assert far[3:5] == ["#......", "???#???"]
+    near = scan_of(given_world(), (3.0, 3.0, 0.0), occlusion=True, sensor_range=6.0)
+    assert [look_up(near, *place) for place in ((-2.0, 0.0), (0.0, -2.0), (-2.0, -2.0))] == [OCCUPIED] * 3
+
+
+def test_what_the_map_does_not_know_reads_occupied():
+    rows = ("#####", "#...#", "#.?.#", "#...#", "#####")
+    scan = scan_of(given_world(rows=rows), (3.0, 3.0, 0.0), sensor_range=2.5)
+    assert scan.patch[3, 3] == OCCUPIED
+
+
+def test_a_drawn_world_has_no_corner_that_shows():
+    """An inner corner of single obstacles stays hidden, as it always was: all its cells count."""
+    world = world_with([(2, 1), (1, 2), (2, 2)])
+    scan = scan_of(world, (3.0, 3.0, 0.0), occlusion=True)
+    assert look_up(scan, 2.0, 2.0) == HIDDEN

@@ -11,6 +11,7 @@ from explore_bench.geometry import cell_of, centre_of
 from explore_bench.scenario import Scenario
 from explore_bench.seeding import stream
 from explore_bench.simulator.world import World, draw_world
+from explore_bench.site import site_of
 
 SIZES = (20.0, 30.0, 40.0)
 
@@ -157,3 +158,105 @@ def test_empty_worlds_of_different_edges_have_different_digests():
 def test_arrays_of_wrong_shapes_are_refused(obstacles, landmarks, named):
     with pytest.raises(ValueError, match=named):
         World(np.zeros(obstacles, dtype=bool), np.zeros(landmarks), (1.0, 1.0, 0.0), 2.0)
+
+
+# Given maps
+
+HALLS = (
+    "##########",
+    "#....#...#",
+    "#....#...#",
+    "#........#",
+    "#....#...#",
+    "######.###",
+    "#??###.#.#",
+    "#.S......#",
+    "#........#",
+    "##########",
+)
+
+
+def given(trial, rows=HALLS, **changes):
+    return draw_world(Scenario(map=rows, **changes), stream("evaluate", 0, 20.0, trial, "world"))
+
+
+def test_a_world_of_a_map_is_that_map_and_the_same_for_one_stream():
+    world, site = given(3), site_of(HALLS)
+    assert np.array_equal(world.obstacles, site.blocked)
+    assert np.array_equal(world.counted, site.counted)
+    assert np.array_equal(world.uncounted, np.flatnonzero(~site.counted))
+    assert world.digest == given(3).digest
+    assert len({given(trial).digest for trial in range(50)}) == 50
+
+
+def test_all_cells_of_a_drawn_world_count():
+    assert world_of(0).counted.all()
+    assert world_of(0).uncounted.size == 0
+
+
+def test_what_counts_tells_worlds_apart():
+    world = simple_world()
+    other = World(world.obstacles, world.landmarks, world.start, world.cell_size, np.array([8]))
+    assert other.digest != world.digest
+    with pytest.raises(ValueError, match="read-only"):
+        other.uncounted[0] = 1
+
+
+@pytest.mark.parametrize("rows", [HALLS, tuple(row.replace("S", ".") for row in HALLS)], ids=["start", "no start"])
+def test_landmarks_lie_beside_walls_in_distinct_cells_and_leave_the_rest_joined(rows):
+    site = site_of(rows)
+    for trial in range(40):
+        world = given(trial, rows, landmark_count=12)
+        cells = landmark_cells(world)
+        assert len(set(cells)) == len(cells) == 12
+        assert site.beside_walls.reshape(-1)[cells].all()
+        assert start_cell(world) not in cells
+        free = site.reachable.copy()
+        free.reshape(-1)[cells] = False
+        assert len(reachable(free, start_cell(world))) == np.count_nonzero(free)
+
+
+def test_a_passage_of_one_cell_stays_open():
+    """In a corridor each landmark is in the last open cell of the far end, whatever the order in which cells come."""
+    found = set()
+    for trial in range(30):
+        world = given(trial, ("#######", "#S....#", "#######"), landmark_count=5)
+        columns = sorted(cell % 7 for cell in landmark_cells(world))
+        assert columns == list(range(6 - len(columns), 6))
+        found.add(len(columns))
+    assert found == {1, 2, 3}
+
+
+def test_there_are_as_many_landmarks_as_asked_for_or_as_there_is_room_for():
+    assert len(given(0, landmark_count=5).landmarks) == 5
+    assert given(0, landmark_count=0).landmarks.shape == (0, 2)
+    crowded = given(0, landmark_count=1000)
+    assert 10 < len(crowded.landmarks) < site_of(HALLS).reachable.sum() - 2
+    assert len(given(0, ("...", "...", "..."), landmark_count=9).landmarks) <= 7
+    assert given(0, ("..",), landmark_count=9, cell_size=10.0).landmarks.shape == (0, 2)
+
+
+def test_the_start_is_the_map_s_with_a_random_heading():
+    worlds = [given(trial) for trial in range(30)]
+    assert {world.start[:2] for world in worlds} == {(5.0, 5.0)}
+    headings = np.array([world.start[2] for world in worlds])
+    assert stats.kstest((headings + np.pi) / (2 * np.pi), "uniform").pvalue > 1e-3
+
+
+def test_without_a_start_it_is_any_open_cell_of_the_largest_region():
+    rows = tuple(row.replace("S", ".") for row in HALLS)
+    site = site_of(rows)
+    starts = []
+    for trial in range(300):
+        world = given(trial, rows)
+        starts.append(start_cell(world))
+        assert world.start[:2] == centre_of(starts[-1], 10, 2.0)
+        assert site.reachable.reshape(-1)[starts[-1]]
+        assert starts[-1] not in landmark_cells(world)
+    assert len(set(starts)) > 0.9 * site.reachable.sum()
+
+
+def test_landmarks_of_a_map_are_uniform_inside_their_cells():
+    inside = np.concatenate([given(trial).landmarks / 2.0 % 1.0 for trial in range(150)])
+    for sample in inside.T:
+        assert stats.kstest(sample, "uniform").pvalue > 1e-3
