@@ -16,10 +16,11 @@ import pytest
 from handmade import TINY, write_plugin
 from safetensors.numpy import load_file
 
-from explore_bench import registry, runner
+from explore_bench import registry
 from explore_bench.cli import main
 from explore_bench.records import PROTOCOL_FILE, Store
 from explore_bench.registry import strategies
+from explore_bench.workers import task
 
 HEAVY = ("torch", "safetensors", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib")
 
@@ -461,7 +462,7 @@ def test_progress_is_in_plain_lines_where_there_is_no_terminal(call, smoke):
 
 def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained):
     untrained()
-    monkeypatch.setattr(runner, "run_trial", lambda *_: pytest.fail("a trial was run"))
+    monkeypatch.setattr(task, "run_trial", lambda *_: pytest.fail("a trial was run"))
     code, out, err = call(*smoke, "--trials", 2, "--dry-run")
     assert (code, err) == (0, "")
     assert "10 trials, 0 stored, 10 to do" in out
