@@ -425,7 +425,7 @@ def test_what_only_keeps_and_shows_results_is_not_followed(factory):
         "results",
         "merging",
         "runner",
-        "workers.task",
+        "workers",
         "suites",
         "cli",
         "perf",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+import multiprocessing
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 import joblib
-from distributed import Client
+from distributed import Client, Security, rpc
+from distributed.utils import LoopRunner
 from joblib._dask import DaskDistributedBackend
 
 from explore_bench.errors import RequestError
@@ -18,7 +20,9 @@ from explore_bench.workers.parcel import pack
 from explore_bench.workers.process import START, run_apart
 from explore_bench.workers.task import Report, Task
 
-CONNECT = 15.0
+logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it finds is said in one sentence
+
+CONNECT = 30.0
 """Seconds within which a scheduler, and a worker of it, must be found."""
 
 
@@ -47,42 +51,41 @@ class Backend(DaskDistributedBackend):  # type: ignore[misc]
         return super().retrieve_result_callback(out)
 
 
-@contextmanager
-def connected(scheduler: str) -> Iterator[Client]:
-    """Client of a scheduler that has a worker.
+def thread_count(scheduler: str) -> int:
+    """Trials that the workers of a scheduler run at a time: one a thread.
 
     Raises
     ------
-    RequestError : where no such scheduler, or no worker of it, is found within CONNECT seconds.
+    RequestError : where no such scheduler, or no worker of it, is found in time.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is said in one sentence
     try:
-        client = Client(scheduler, timeout=CONNECT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
+        threads: int = LoopRunner().run_sync(_count_threads, scheduler)
+    except Exception as error:  # also what it makes of another service's answer
         raise RequestError(
             f"scheduler '{scheduler}' cannot be reached ({describe(error)}); start one with 'dask scheduler' and give "
             "its address, like tcp://host:8786."
         ) from None
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=CONNECT)
-        except TimeoutError:
-            raise RequestError(
-                f"scheduler '{scheduler}' has no worker; start some with 'dask worker {scheduler}'."
-            ) from None
-        yield client
+    if not threads:
+        raise RequestError(f"scheduler '{scheduler}' has no worker; start some with 'dask worker {scheduler}'.")
+    return threads
 
 
-def thread_count(scheduler: str) -> int:
-    """Trials that the workers of a scheduler run at a time: one a thread."""
-    with connected(scheduler) as client:
-        return sum(client.nthreads().values())
+async def _count_threads(scheduler: str) -> int:
+    """Threads of all workers, as soon as there are any; 0 where none comes within CONNECT seconds."""
+    security = Security().get_connection_args("client")
+    async with rpc(scheduler, timeout=CONNECT, connection_args=security) as remote:
+        for _ in range(max(int(CONNECT), 1)):
+            known = await asyncio.wait_for(remote.identity(), 2 * CONNECT)
+            if known["workers"]:
+                break
+            await asyncio.sleep(1.0)
+    return sum(worker["nthreads"] for worker in known["workers"].values())
 
 
 def run_there(tasks: Sequence[Task], scheduler: str, timeout: float) -> Generator[Report]:
     """Run tasks on the workers of a scheduler and yield their reports in the order in which they end.
 
-    A worker that dies is replaced by others, which run its trials again.
+    Trials of a worker that dies run again on the others.
 
     Raises
     ------
@@ -90,15 +93,16 @@ def run_there(tasks: Sequence[Task], scheduler: str, timeout: float) -> Generato
     IncompleteError : where the cluster is lost, or for too long nothing comes from it.
     """
     patience = START + 2 * (timeout + GRACE)
-    with connected(scheduler) as client:
+    thread_count(scheduler)
+    with Client(scheduler, timeout=CONNECT, set_as_default=False) as client:
         parallel = joblib.Parallel(
             backend=Backend(client=client), return_as="generator_unordered", batch_size=1, timeout=patience
         )
         try:
             yield from parallel(joblib.delayed(run_apart)(pack(task)) for task in tasks)
-        except (GeneratorExit, RequestError):
+        except RequestError:
             raise
-        except TimeoutError:
+        except (TimeoutError, multiprocessing.TimeoutError):
             raise IncompleteError(f"nothing came from the workers of '{scheduler}' for {patience:g} s") from None
         except Exception as error:
             raise IncompleteError(f"the workers of '{scheduler}' gave up ({describe(error)})") from None
