@@ -146,6 +146,7 @@ def serve() -> None:
                 pipe.send(perform(parcel.task, here))
             except RequestError as error:
                 pipe.send(error)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _end_with(parent: int, folder: Path) -> None:
