@@ -198,7 +198,7 @@ def test_one_name_for_two_strategies_is_refused(part, tmp_path):
     assert "the name 'Plugin' stands for" in refusal(folders, tmp_path / "into")
 
 
-def test_two_records_of_one_row_are_refused(part, tmp_path, trained):
+def test_two_sets_of_weights_under_one_name_are_refused(part, tmp_path, trained):
     """The same strategy and training seed with other weights, both of which are here."""
     specs = []
     for seed in (0, 1):
@@ -206,7 +206,7 @@ def test_two_records_of_one_row_are_refused(part, tmp_path, trained):
         specs.append(dataclasses.replace(tiny_plan(["gcn-obs"], trials=1)[0], training_seed=0, weights=weights))
     assert trial_key(specs[0]) != trial_key(specs[1])
     folders = [part(name, [run_trial(spec)]) for name, spec in zip("ab", specs, strict=True)]
-    assert "disagree about the same trial" in refusal(folders, tmp_path / "into")
+    assert "stands for the weights" in refusal(folders, tmp_path / "into")
 
 
 # Other code
