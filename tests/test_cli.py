@@ -20,7 +20,6 @@ from explore_bench import records, registry, runner
 from explore_bench.cli import main
 from explore_bench.records import PROTOCOL_FILE, Store
 from explore_bench.registry import strategies
-from explore_bench.workers import task
 
 HEAVY = ("torch", "safetensors", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib", "dask")
 
@@ -470,7 +469,7 @@ def test_progress_is_in_plain_lines_where_there_is_no_terminal(call, smoke):
 
 def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained):
     untrained()
-    monkeypatch.setattr(task, "run_trial", lambda *_: pytest.fail("a trial was run"))
+    monkeypatch.setattr(runner, "run_here", lambda *_: pytest.fail("a trial was run"))
     code, out, err = call(*smoke, "--trials", 2, "--dry-run")
     assert (code, err) == (0, "")
     assert "10 trials, 0 stored, 10 to do" in out

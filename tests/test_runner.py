@@ -14,7 +14,7 @@ from explore_bench.records import Store, missing
 from explore_bench.runner import check_runnable, complete, default_workers, execute
 from explore_bench.spec import Status
 from explore_bench.suites import plan
-from explore_bench.workers import IncompleteError, local, task
+from explore_bench.workers import IncompleteError, local
 
 
 @pytest.fixture
@@ -172,7 +172,7 @@ def test_more_worlds_of_a_plan_run_only_the_new_ones(sequential):
 def test_from_python_a_second_run_simulates_nothing(tmp_path, monkeypatch):
     options = {"sizes": [12.0], "trials": 2, "workers": 1, "scenario": TINY, "results": tmp_path / "results"}
     first = explore_bench.run("smoke", ["nearest", "random"], **options)
-    monkeypatch.setattr(task, "run_trial", lambda *_: pytest.fail("a stored trial was run again"))
+    monkeypatch.setattr(runner, "run_here", lambda *_: pytest.fail("a stored trial was run again"))
     second = explore_bench.run("smoke", ["nearest", "random"], **options)
     pd.testing.assert_frame_equal(first, second)
 
