@@ -13,6 +13,7 @@ from explore_bench.commands.compare import compare
 from explore_bench.commands.demo import demo
 from explore_bench.commands.gate import gate
 from explore_bench.commands.list_ import list_
+from explore_bench.commands.merge import merge
 from explore_bench.commands.perf import perf
 from explore_bench.commands.report import report
 from explore_bench.commands.run import run
@@ -47,5 +48,5 @@ def cli() -> None:
     """Compare robot-exploration strategies: paired, seeded trials in one simulator, tables with intervals."""
 
 
-for command in (list_, run, report, compare, gate, check, demo, train, perf):
+for command in (list_, run, merge, report, compare, gate, check, demo, train, perf):
     cli.add_command(command)

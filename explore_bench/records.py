@@ -10,7 +10,7 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -98,8 +98,11 @@ class Store:
 
     def open(self, root: int, purpose: str, scenario: Scenario | None = PAPER) -> None:
         """Make the folder ready for trials of one root seed, purpose and scenario (None: of any), sizes aside."""
+        self.adopt({"schema": SCHEMA_VERSION, "root": root, "purpose": purpose, "scenario": _name(scenario)})
+
+    def adopt(self, protocol: Mapping[str, Any]) -> None:
+        """Make the folder ready for trials of a protocol, as `protocol()` gives it of another folder."""
         forget_code()
-        protocol = {"schema": SCHEMA_VERSION, "root": root, "purpose": purpose, "scenario": _name(scenario)}
         try:
             self.runs.mkdir(parents=True, exist_ok=True)
             file = self.runs / PROTOCOL_FILE
@@ -112,6 +115,10 @@ class Store:
             ) from None
         if not os.access(self.runs, os.W_OK):
             raise RequestError(f"results folder '{self.folder}' is not writable; give another with --results.")
+        self.require(protocol)
+
+    def require(self, protocol: Mapping[str, Any]) -> None:
+        """Refuse a folder whose trials are not of this protocol."""
         stored = self.protocol()
         for name, words in _PROTOCOL.items():
             if stored[name] != protocol[name]:
@@ -147,17 +154,19 @@ class Store:
         return self.runs / f"{key}.parquet"
 
     def write(self, result: TrialResult, key: str | None = None) -> None:
-        """Write a trial's shard, under the key that its code has now if none is given: whole or not at all.
+        """Write a trial's shard, under the key that its code has now if none is given."""
+        self.keep(key or trial_key(result.spec), encode(result))
+
+    def keep(self, key: str, shard: bytes) -> None:
+        """Write the bytes of a shard: whole or not at all.
 
         Raises
         ------
         RequestError : where it cannot be written.
         """
-        sink = pa.BufferOutputStream()
-        pq.write_table(_table(result), sink, compression="zstd", write_statistics=False)
-        path = self.path(key or trial_key(result.spec))
+        path = self.path(key)
         with writing(path):
-            _write_atomically(path, sink.getvalue().to_pybytes())
+            _write_atomically(path, shard)
 
     def has(self, spec: TrialSpec) -> bool:
         """Whether a trial is stored; one that failed for want of time, memory or disk does not count."""
@@ -203,18 +212,44 @@ class Store:
         A trial is stale where the code or the libraries that it ran have changed since. The order is that of
         `trials.csv`: strategy, training seed, size, trial.
         """
+        found = [record for _, record in self.survey()]
+        current = [record for record in found if record is not None]
+        return sorted(current, key=_order), len(found) - len(current)
+
+    def survey(self) -> Iterator[tuple[Path, TrialRecord | None]]:
+        """Every shard in the order of the keys, with its record, or None where it is stale."""
         self.protocol()
-        found: list[TrialRecord] = []
-        stale = 0
         for path in sorted(self.runs.glob("*.parquet")):
             with _opened(path) as shard:
                 facts = _facts(shard, path)
-                if _is_current(facts["spec"], path.stem):
-                    found.append(_record(shard, facts))
-                else:
-                    stale += 1
-        found.sort(key=_order)
-        return found, stale
+                record = _record(shard, facts) if _is_current(facts["spec"], path.stem) else None
+            yield path, record
+
+
+def encode(result: TrialResult) -> bytes:
+    """Bytes of a trial's shard, the same for the same trial."""
+    return _encoded(_table(result))
+
+
+def comparable(path: Path) -> tuple[bytes, bool]:
+    """All that a shard says but its specification, whose paths are those of one machine; and whether it is transient.
+
+    Raises
+    ------
+    RequestError : for a file that is no shard or of another record version.
+    """
+    with _opened(path) as shard:
+        facts = _facts(shard, path)
+        table = shard.read(use_threads=False)
+    rest = {name: value for name, value in facts.items() if name != "spec"}
+    return _encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(rest, sort_keys=True)})), facts["transient"]
+
+
+def _encoded(table: pa.Table) -> bytes:
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd", write_statistics=False)
+    shard: bytes = sink.getvalue().to_pybytes()
+    return shard
 
 
 def _table(result: TrialResult) -> pa.Table:

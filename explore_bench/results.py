@@ -57,7 +57,7 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     ------
     RequestError : where two different strategies, or sets of weights, have the same name.
     """
-    _check_names([record.spec for record in records])
+    refuse_shared_names(record.spec for record in records)
     references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
     rows = []
     for record in records:
@@ -83,8 +83,13 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     return table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first")
 
 
-def _check_names(specs: Iterable[TrialSpec]) -> None:
-    """Refuse specifications that mean different things by one name."""
+def refuse_shared_names(specs: Iterable[TrialSpec]) -> None:
+    """Refuse specifications that mean different things by one name.
+
+    Raises
+    ------
+    RequestError : with the name and both of its meanings.
+    """
     makers: dict[Any, tuple[Any, str]] = {}
     for spec in specs:
         made = (spec.factory, dict(spec.parameters)), spec.factory
@@ -117,7 +122,6 @@ def select(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
 
 def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
     """Add the times of trials that have just run to `times.csv`, the only file that differs between two runs."""
-    path = folder / "times.csv"
     rows = [
         {
             "strategy": outcome.spec.strategy,
@@ -133,13 +137,31 @@ def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
         }
         for outcome in outcomes
     ]
-    if not rows:
+    if rows:
+        write_time_rows(folder, [read_times(folder), pd.DataFrame(rows).astype({"training_seed": "Int64"})])
+
+
+def read_times(folder: Path) -> pd.DataFrame | None:
+    """Rows of `times.csv`; None where there is no such file.
+
+    Raises
+    ------
+    RequestError : where it is no such table.
+    """
+    path = folder / "times.csv"
+    return read_csv(path, TIME_COLUMNS) if path.is_file() else None
+
+
+def write_time_rows(folder: Path, tables: Iterable[pd.DataFrame | None]) -> None:
+    """Write the rows of several tables to `times.csv`, of those of one trial the last; nothing without any table."""
+    found = [table for table in tables if table is not None]
+    if not found:
         return
-    table = pd.DataFrame(rows, columns=list(TIME_COLUMNS)).astype({"training_seed": "Int64"})
-    if path.is_file():
-        table = pd.concat((read_csv(path, TIME_COLUMNS), table)).drop_duplicates(KEYS, keep="last")
+    path = folder / "times.csv"
     with writing(path):
-        table.sort_values(KEYS).to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+        pd.concat(found).drop_duplicates(KEYS, keep="last").sort_values(KEYS).to_csv(
+            path, index=False, float_format="%.6g", lineterminator="\n"
+        )
 
 
 def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:

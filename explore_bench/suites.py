@@ -153,6 +153,7 @@ def plan(
     if len({name for name, _ in picked}) < len(picked):
         raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory or leave one out.")
     variations = chosen.variations or {scenario_name: {}}
+    alone: list[tuple[int | None, str | None]] = [(None, None)]  # without training seeds
     specs: list[TrialSpec] = []
     untrained: list[str] = []
     for name, entry in picked:
@@ -179,7 +180,7 @@ def plan(
                     weights=weights,
                     broken=entry.broken,
                 )
-                for seed, weights in list(entry.weights.items())[: chosen.seeds] or [(None, None)]
+                for seed, weights in list(entry.weights.items())[: chosen.seeds] or alone
                 for trial in range(count)
             ]
     return Plan(tuple(specs), tuple(untrained), bool(chosen.variations))

@@ -16,12 +16,12 @@ import pytest
 from handmade import TINY, write_plugin
 from safetensors.numpy import load_file
 
-from explore_bench import registry, runner
+from explore_bench import records, registry, runner
 from explore_bench.cli import main
 from explore_bench.records import PROTOCOL_FILE, Store
 from explore_bench.registry import strategies
 
-HEAVY = ("torch", "safetensors", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib")
+HEAVY = ("torch", "safetensors", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib", "dask")
 
 
 @pytest.fixture
@@ -112,6 +112,9 @@ def test_a_size_that_no_map_can_have(refused, tmp_path, size):
         (("--seed", "4294967296"), "4294967296"),
         (("--seed", "1.5"), "1.5"),
         (("--backend", "dask"), "dask"),
+        (("--backend", "dask", "--scheduler", "nowhere"), "'nowhere' cannot be reached"),
+        (("--backend", "dask", "--scheduler", "tcp://host:1", "--workers", "3"), "workers is 3"),
+        (("--scheduler", "tcp://host:1"), "'tcp://host:1'"),
         (("--frobnicate",), "--frobnicate"),
         (("-s", "baselines.nearest:"), "baselines.nearest:"),
         (("-s", "no_such_module_anywhere:Mine"), "no_such_module_anywhere"),
@@ -123,6 +126,11 @@ def test_a_size_that_no_map_can_have(refused, tmp_path, size):
 )
 def test_a_value_out_of_range(refused, smoke, arguments, value):
     assert value in refused(*smoke, *arguments)
+
+
+def test_a_cluster_without_the_extra(refused, smoke, monkeypatch):
+    monkeypatch.setattr(runner, "find_spec", lambda name: None)
+    assert "explore-bench[dask]" in refused(*smoke, "--backend", "dask", "--scheduler", "tcp://host:8786")
 
 
 @pytest.mark.parametrize(
@@ -461,7 +469,7 @@ def test_progress_is_in_plain_lines_where_there_is_no_terminal(call, smoke):
 
 def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained):
     untrained()
-    monkeypatch.setattr(runner, "run_trial", lambda *_: pytest.fail("a trial was run"))
+    monkeypatch.setattr(runner, "run_here", lambda *_: pytest.fail("a trial was run"))
     code, out, err = call(*smoke, "--trials", 2, "--dry-run")
     assert (code, err) == (0, "")
     assert "10 trials, 0 stored, 10 to do" in out
@@ -687,6 +695,28 @@ def test_a_comparison_with_a_folder_without_trials_or_to_a_file_that_cannot_be(r
     assert call(*smoke, "-s", "nearest", "--trials", 1, "--results", tmp_path / "a")[0] == 0
     code, _, err = call("compare", tmp_path / "a", tmp_path / "a", "--json", tmp_path / "no" / "c.json")
     assert (code, err.count("\n")) == (2, 1)
+
+
+def test_two_folders_are_merged_and_reported(call, smoke, tmp_path):
+    for name in ("nearest", "random"):
+        assert call(*smoke, "-s", name, "--trials", 2, "--results", tmp_path / name)[0] == 0
+    merge = ("merge", tmp_path / "nearest", tmp_path / "random", "--results", tmp_path / "all")
+    assert call(*merge) == (0, f"4 trials in {tmp_path / 'all'}, 4 of them new\n", "")
+    assert call(*merge) == (0, f"4 trials in {tmp_path / 'all'}, 0 of them new\n", "")
+    assert call("report", "--results", tmp_path / "all")[0] == 0
+
+
+def test_a_merge_of_nothing_but_trials_of_other_code_has_nothing_to_show(call, own_store, tmp_path, monkeypatch):
+    monkeypatch.setattr(records, "trial_key", lambda spec: "")
+    code, out, _ = call("merge", own_store.folder, "--results", tmp_path / "all")
+    assert code == 3
+    assert "9 of other code" in out
+
+
+@pytest.mark.parametrize("folders", [(), ("nowhere",), ("nowhere", "nowhere")], ids=len)
+def test_a_merge_of_what_is_no_folder_of_records(refused, tmp_path, folders):
+    assert refused("merge", *(tmp_path / name for name in folders), "--results", tmp_path / "all")
+    assert not (tmp_path / "all").exists()
 
 
 def test_robustness_has_a_folder_of_its_own_and_a_report_of_its_own(call, refused, tmp_path):

@@ -100,7 +100,8 @@ def test_the_walk_finds_what_is_there():
     [
         ("gtsam", {"explore_bench.slam.factor_graph"}),
         ("gymnasium", {"explore_bench.gymnasium"}),
-        ("joblib", {"explore_bench.runner"}),
+        ("joblib", {"explore_bench.workers.local", "explore_bench.workers.cluster"}),
+        ("distributed", {"explore_bench.workers.cluster"}),
         ("numba", {"explore_bench.compiled"}),
     ],
 )

@@ -11,9 +11,10 @@ import explore_bench
 from explore_bench import runner
 from explore_bench.errors import RequestError
 from explore_bench.records import Store, missing
-from explore_bench.runner import IncompleteError, check_runnable, complete, default_workers, execute
+from explore_bench.runner import check_runnable, complete, default_workers, execute
 from explore_bench.spec import Status
 from explore_bench.suites import plan
+from explore_bench.workers import IncompleteError, local
 
 
 @pytest.fixture
@@ -108,7 +109,7 @@ def test_a_trial_is_stored_before_its_outcome_is_yielded(store):
 
 
 def test_without_trials_nothing_runs(store, monkeypatch):
-    monkeypatch.setattr(runner, "warm_up", lambda spec: pytest.fail("compiled for nothing"))
+    monkeypatch.setattr(local, "warm_up", lambda spec: pytest.fail("compiled for nothing"))
     assert list(execute([], store, 2)) == []
 
 
@@ -171,7 +172,7 @@ def test_more_worlds_of_a_plan_run_only_the_new_ones(sequential):
 def test_from_python_a_second_run_simulates_nothing(tmp_path, monkeypatch):
     options = {"sizes": [12.0], "trials": 2, "workers": 1, "scenario": TINY, "results": tmp_path / "results"}
     first = explore_bench.run("smoke", ["nearest", "random"], **options)
-    monkeypatch.setattr(runner, "run_trial", lambda *_: pytest.fail("a stored trial was run again"))
+    monkeypatch.setattr(runner, "run_here", lambda *_: pytest.fail("a stored trial was run again"))
     second = explore_bench.run("smoke", ["nearest", "random"], **options)
     pd.testing.assert_frame_equal(first, second)
 
@@ -384,7 +385,7 @@ def test_a_trial_whose_worker_is_killed_from_outside_runs_again_and_counts(store
 
 
 def test_a_trial_that_cannot_be_interrupted_ends_the_run_as_incomplete(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "GRACE", 8.0)
+    monkeypatch.setattr(local, "GRACE", 8.0)
     lines = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM])\nsignal.pause()"
     good, bad = later_on(tmp_path, lines)
     with pytest.raises(IncompleteError, match="could not be interrupted"):

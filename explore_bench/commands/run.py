@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 @click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")
 @click.option("--trials", type=int, metavar="N", help="Worlds a size.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
-@click.option("--backend", type=click.Choice(["loky", "sequential"]), default="loky", show_default=True)
+@click.option("--backend", type=click.Choice(["loky", "sequential", "dask"]), default="loky", show_default=True)
+@click.option("--scheduler", metavar="ADDRESS", help="Of the dask cluster that runs the trials, with --backend dask.")
 @click.option("--timeout", type=click.FloatRange(0, 1e6, min_open=True), default=600.0, show_default=True, metavar="S")
 @world_options
 @root_option
@@ -45,6 +46,7 @@ def run(
     trials: int | None,
     workers: int | None,
     backend: str,
+    scheduler: str | None,
     timeout: float,
     scenario: str | None,
     map_: str | None,
@@ -63,7 +65,7 @@ def run(
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE
-    return _run(asked, physics, results, seed, workers, backend, timeout, dry_run)
+    return _run(asked, physics, results, seed, workers, backend, scheduler, timeout, dry_run)
 
 
 def _run(
@@ -73,6 +75,7 @@ def _run(
     seed: int,
     workers: int | None,
     backend: str,
+    scheduler: str | None,
     timeout: float,
     dry_run: bool,
 ) -> int:
@@ -80,8 +83,9 @@ def _run(
     from explore_bench.records import Store, missing
     from explore_bench.results import expected_seconds, select
     from explore_bench.scenario import PAPER
+    from explore_bench.workers import IncompleteError
 
-    workers = workers or runner.default_workers()
+    workers = runner.crew(backend, workers, scheduler)
     runner.check_runnable(asked.specs, workers, backend, timeout)
     store = Store(results)
     if not dry_run or store.exists():
@@ -98,8 +102,8 @@ def _run(
         return DONE
     try:
         with Progress(len(to_do)) as advance:
-            table = runner.complete(to_do, store, workers, backend, timeout, advance)
-    except runner.IncompleteError as error:
+            table = runner.complete(to_do, store, workers, backend, timeout, advance, scheduler)
+    except IncompleteError as error:
         click.echo(f"explore-bench: incomplete: {error}.", err=True)
         return INCOMPLETE
     rows = select(table, asked.specs)

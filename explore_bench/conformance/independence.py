@@ -8,8 +8,8 @@ from explore_bench.conformance.answers import Answers, play
 from explore_bench.conformance.evidence import Evidence
 from explore_bench.conformance.tours import LARGE, ORDINARY, SMALL, Tour
 from explore_bench.conformance.verdict import BrokenError, NotApplicableError
-from explore_bench.runner import IncompleteError
 from explore_bench.spec import Status
+from explore_bench.workers import IncompleteError
 
 
 def own_stream(evidence: Evidence) -> str:
