@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 import pytest
 
-from explore_bench.accepted import read_accepted
 from explore_bench.cli import cli
+from explore_bench.gate.accepted import read_accepted
 
 ROOT = Path(__file__).parent.parent
 WORKFLOW = ROOT / ".github" / "workflows" / "benchmark.yml"

@@ -33,7 +33,7 @@ def gate(
 
     The table also goes to the job's summary where GitHub Actions names one.
     """
-    from explore_bench import accepted
+    from explore_bench.gate import accepted
 
     if accept != (reason is not None):
         raise RequestError("--accept and --reason TEXT go together; give both, or none to compare.")
@@ -41,7 +41,7 @@ def gate(
         count = accepted.accept(reference, results, reason)
         click.echo(f"{count} trials of '{results}' are the reference in '{reference}' now: {reason.strip()}")
         return DONE
-    from explore_bench.gate import Verdict, judge
+    from explore_bench.gate.judging import Verdict, judge
     from explore_bench.report.gate import gate_table
 
     known = accepted.read_accepted(reference)

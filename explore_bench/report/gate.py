@@ -6,7 +6,7 @@ import math
 import shlex
 from pathlib import Path
 
-from explore_bench.gate import LEVEL, STATED_LOSS, Gate, Judgement, Verdict
+from explore_bench.gate.judging import LEVEL, STATED_LOSS, Gate, Judgement, Verdict
 from explore_bench.metrics import METRICS
 from explore_bench.report.style import entry_of
 from explore_bench.report.tables import Table, heading, number_text

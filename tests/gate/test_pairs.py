@@ -9,8 +9,8 @@ from handmade import trial_rows as trials
 from hypothesis import given
 from hypothesis import strategies as st
 
-from explore_bench.pairs import pair_up
-from explore_bench.thresholds import Threshold
+from explore_bench.gate.pairs import pair_up
+from explore_bench.gate.thresholds import Threshold
 
 ERROR = Threshold(metric="trajectory_error", strategy="Mine", size=20.0, tolerance=0.05, reason="test")
 GAIN = ERROR.model_copy(update={"metric": "exploration_efficiency"})

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t, ttest_1samp
 
-from explore_bench.margins import beyond_p, holm_levels, lower_bound, power, upper_bound
+from explore_bench.gate.margins import beyond_p, holm_levels, lower_bound, power, upper_bound
 from explore_bench.statistics import holm, sign_flip_p
 
 VALUES = np.random.default_rng(0).normal(0.04, 0.2, 60)

@@ -8,13 +8,13 @@ import pandas as pd
 import pytest
 from handmade import trial_rows, write_thresholds
 
-from explore_bench.accepted import NOTE_FILE, TRIALS_FILE, accept, read_accepted, read_results
 from explore_bench.errors import RequestError
+from explore_bench.gate.accepted import NOTE_FILE, TRIALS_FILE, accept, read_accepted, read_results
+from explore_bench.gate.thresholds import load_thresholds
 from explore_bench.results import TRIAL_COLUMNS, write_trials
 from explore_bench.steps import SCHEMA_VERSION
-from explore_bench.thresholds import load_thresholds
 
-PROJECT = Path(__file__).parent.parent / "results" / "reference"
+PROJECT = Path(__file__).parent.parent.parent / "results" / "reference"
 
 
 @pytest.fixture

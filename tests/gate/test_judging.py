@@ -15,12 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from explore_bench.cli import main
-from explore_bench.gate import LEVEL, Verdict, decide, judge
+from explore_bench.gate.judging import LEVEL, Verdict, decide, judge
+from explore_bench.gate.thresholds import Threshold, load_thresholds
 from explore_bench.report.gate import gate_table
 from explore_bench.results import read_csv
-from explore_bench.thresholds import Threshold, load_thresholds
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 REFERENCE = ROOT / "results" / "reference"
 FAMILY = load_thresholds(REFERENCE / "thresholds.toml")
 NOISE = np.random.default_rng(0).normal(0.0, 0.1, 60)

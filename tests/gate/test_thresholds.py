@@ -3,8 +3,8 @@
 import pytest
 
 from explore_bench.errors import RequestError
+from explore_bench.gate.thresholds import MAX_PAIRS, TIMES, load_thresholds
 from explore_bench.results import TIME_COLUMNS
-from explore_bench.thresholds import MAX_PAIRS, TIMES, load_thresholds
 
 GOOD = {
     "metric": '"trajectory_error"',

@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.errors import RequestError, unknown, writing
-from explore_bench.pairs import belongs
+from explore_bench.gate.pairs import belongs
+from explore_bench.gate.thresholds import Threshold, load_thresholds
 from explore_bench.records import Store
 from explore_bench.results import KEYS, read_csv, trial_table
 from explore_bench.steps import SCHEMA_VERSION
-from explore_bench.thresholds import Threshold, load_thresholds
 
 THRESHOLDS_FILE, TRIALS_FILE, NOTE_FILE = "thresholds.toml", "trials.csv", "accepted.json"
 HOW = "run the trials and 'explore-bench gate --accept --reason TEXT'"

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from explore_bench.margins import beyond_p, holm_levels, lower_bound, power, upper_bound
-from explore_bench.pairs import Pair, pair_up
+from explore_bench.gate.margins import beyond_p, holm_levels, lower_bound, power, upper_bound
+from explore_bench.gate.pairs import Pair, pair_up
+from explore_bench.gate.thresholds import Threshold
 from explore_bench.results import plain
 from explore_bench.statistics import holm
-from explore_bench.thresholds import Threshold
 
 LEVEL = 0.05
 """Rate of false alarms of the whole family, and of a false pass."""

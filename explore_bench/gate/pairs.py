@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from explore_bench.gate.thresholds import Threshold
 from explore_bench.results import KEYS, by_world
-from explore_bench.thresholds import Threshold
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""The gate: results against an accepted reference, paired by world."""
