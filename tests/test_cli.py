@@ -744,7 +744,7 @@ def test_maps_has_a_folder_of_its_own_and_a_report_of_its_own(call, refused, tmp
     assert not (tmp_path / "own" / "summary.csv").exists()
 
 
-MAP = "######\n#....#\n#.##.#\n#....#\n######\n"
+MAP = "##########\n#........#\n#.######.#\n#........#\n##########\n"
 
 
 def test_a_map_from_a_file_is_the_world_of_a_run_and_of_its_demo(call, refused, tmp_path, tiny):
@@ -754,15 +754,15 @@ def test_a_map_from_a_file_is_the_world_of_a_run_and_of_its_demo(call, refused, 
     assert call(*own, "--map", file)[0] == 0
     trials = pd.read_csv(tmp_path / "own" / "trials.csv")
     assert set(trials["scenario"]) == {"ring.txt"}
-    assert set(trials["size"]) == {12.0}
+    assert set(trials["size"]) == {20.0}
     assert call("report", "--results", tmp_path / "own")[0] == 0
     assert (tmp_path / "own" / "report.html").is_file()
     assert "'paper'" in refused(*own)
     picture = tmp_path / "ring.png"
     code, out, _ = call("demo", "nearest", "--map", file, "--scenario", tiny, "--trial", 1, "--output", picture)
-    assert (code, out.split(":")[0]) == (0, "nearest, 12 m, world 1")
+    assert (code, out.split(":")[0]) == (0, "nearest, 20 m, world 1")
     assert picture.is_file()
-    file.write_text(MAP.replace("##.#", "...#"))
+    file.write_text(MAP.replace("###.#", "#...#"))
     assert "trials of scenario 'map=" in refused(*own, "--map", file), "an edited map is another"
 
 

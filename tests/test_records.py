@@ -132,7 +132,8 @@ def test_a_trial_in_a_given_map_comes_back_with_what_counts_in_it(store):
     assert not record.world.counted.all()
 
 
-def test_a_folder_of_one_map_refuses_another(store):
+def test_a_folder_of_one_map_refuses_another(tmp_path):
+    store = Store(tmp_path / "mapped")
     one, other = (TINY.replace(map=rows) for rows in (("...", "...", "..#"), ("...", "...", "...")))
     store.open(0, "evaluate", one)
     store.open(0, "evaluate", one.replace(map=list(one.map)))
