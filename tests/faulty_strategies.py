@@ -25,8 +25,8 @@ class Sound:
 
 
 class CannotBeMade(Sound):
-    def __init__(self, weights):
-        self.weights = weights
+    def __init__(self):
+        raise ValueError("no map of Mars")
 
 
 class NoReset:

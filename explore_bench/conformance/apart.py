@@ -18,8 +18,9 @@ from explore_bench.conformance.subject import Subject
 from explore_bench.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour
 from explore_bench.errors import RequestError
 from explore_bench.records import Store
-from explore_bench.runner import check_runnable, execute
+from explore_bench.runner import execute
 from explore_bench.spec import Status
+from explore_bench.strategy import StrategyError, check_methods
 from explore_bench.trial import OutOfTime, run_trial, time_limit
 
 TOURS = (*ORDINARY, *SITUATIONS)
@@ -46,6 +47,7 @@ class Examination:
 
     Attributes
     ----------
+    wrong : what was asked for wrongly (there is no such module, it takes no such parameters); empty where nothing was.
     refusal : why it cannot be made, in a sentence; empty where it can; None where it did not come to that.
     tours : its answers to the observations of each of TOURS, in their order.
     trials : its own trial in each of the worlds of TRIALS.
@@ -53,6 +55,7 @@ class Examination:
     death : how its process ended before its time, in words; empty where it did not.
     """
 
+    wrong: str = ""
     refusal: str | None = None
     tours: dict[Tour, Answers] = field(default_factory=dict)
     trials: dict[Tour, Played] = field(default_factory=dict)
@@ -61,7 +64,12 @@ class Examination:
 
 
 def examine(subject: Subject) -> Examination:
-    """Examine a strategy in a fresh interpreter with another seed of hashes."""
+    """Examine a strategy in a fresh interpreter with another seed of hashes.
+
+    Raises
+    ------
+    RequestError : where there is no such strategy.
+    """
     found = Examination()
     read_end, write_end = os.pipe()
     seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
@@ -87,12 +95,14 @@ def examine(subject: Subject) -> Examination:
             found.death = f"died (exit code {process.wait()})"
         finally:
             process.kill()
+    if found.wrong:
+        raise RequestError(found.wrong)
     return found
 
 
 def _receive(pipe: BinaryIO, found: Examination, limit: float) -> None:
     """Read what comes, until the last trial or something that ends the examination."""
-    while len(found.trials) < len(TRIALS) and not found.refusal:
+    while len(found.trials) < len(TRIALS) and not (found.refusal or found.wrong):
         if not select.select([pipe], [], [], limit)[0]:
             raise TimeoutError
         name, tour, value = pickle.load(pipe)
@@ -115,14 +125,12 @@ def report(descriptor: int) -> None:
 
 def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
     try:
-        with time_limit(subject.timeout):
-            check_runnable([subject.spec(TRIALS[0])])
-        yield "refusal", None, ""
-    except OutOfTime:
-        yield "refusal", None, f"its import took longer than the {subject.timeout:g} s allowed"
-        return
+        refusal = _refusal(subject)
     except RequestError as error:
-        yield "refusal", None, str(error).rstrip(".")
+        yield "wrong", None, str(error)
+        return
+    yield "refusal", None, refusal
+    if refusal:
         return
     for tour in TOURS:
         yield "tours", tour, play(subject, tour)
@@ -132,6 +140,20 @@ def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
         slowest = max(result.decision_seconds, default=0.0)
         late = result.transient and result.seconds >= subject.timeout
         yield "trials", tour, Played(result.status, result.reason, choices, late, slowest, result.seconds)
+
+
+def _refusal(subject: Subject) -> str:
+    """Why a strategy cannot be made; empty where it can."""
+    if subject.entry.broken:
+        return subject.entry.broken
+    try:
+        with time_limit(subject.timeout):
+            check_methods(subject.make(), subject.entry.reference)
+    except OutOfTime:
+        return f"its import took longer than the {subject.timeout:g} s allowed"
+    except StrategyError as error:
+        return str(error).rstrip(".")
+    return ""
 
 
 def run_in_workers(subject: Subject) -> dict[Tour, Played]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,4 +62,5 @@ class Subject:
     def make(self) -> Any:
         """Return a fresh one; what it is made of does not depend on the tour."""
         spec = self.spec(SMALL)
-        return make_strategy(spec.factory, spec.arguments)
+        with redirect_stdout(sys.stderr):
+            return make_strategy(spec.factory, spec.arguments)

@@ -51,6 +51,7 @@ def test_what_a_strategy_prints_is_not_among_the_findings(call, tmp_path):
     file.write_text(
         "print('imported')\n"
         "class Loud:\n"
+        "    def __init__(self): print('made')\n"
         "    def reset(self, rng): print('reset')\n"
         "    def choose(self, observation):\n"
         "        print('choose')\n"
@@ -62,7 +63,11 @@ def test_what_a_strategy_prints_is_not_among_the_findings(call, tmp_path):
 
 
 def test_no_such_strategy_ends_with_2(call):
-    for name, words in (("nearst", "did you mean 'nearest'?"), ("./none.py:A", "there is no file none.py")):
+    for name, words in (
+        ("nearst", "did you mean 'nearest'?"),
+        ("./none.py:A", "there is no file none.py"),
+        (f"{FILE}:A", "has no 'A'"),
+    ):
         code, lines, complaint = call(name)
         assert code == 2
         assert lines == []

@@ -17,7 +17,7 @@ READY = [name for name, entry in strategies().items() if entry.ready]
 GENEROUS = 600.0
 
 FAULTS = {
-    "CannotBeMade": ("made", "missing 1 required positional argument: 'weights'"),
+    "CannotBeMade": ("made", "cannot be made with (): ValueError: no map of Mars"),
     "NoReset": ("made", "has no method reset"),
     "Sleeps": ("in-time", "20 m, decision 2: it took longer than the 5 s allowed"),
     "Raises": ("chooses", "20 m, decision 3: it raised KeyError: 'no such frontier'"),
@@ -134,6 +134,12 @@ def test_an_unknown_or_untrained_strategy_is_refused(monkeypatch):
         check("nearst")
     with pytest.raises(RequestError, match="there is no file"):
         check("./nothing.py:Here")
+    with pytest.raises(RequestError, match="has no 'Missing'"):
+        check(f"{FILE}:Missing")
+    with pytest.raises(RequestError, match="there is no module 'nothing'"):
+        check("nothing.here:Missing")
+    with pytest.raises(RequestError, match="takes the parameters"):
+        check(f"{FILE}:Sound[depth=3]")
     untrained = replace(strategies()["gcn-obs"], weights={})
     monkeypatch.setitem(strategies(), "gcn-obs", untrained)
     with pytest.raises(RequestError, match="not trained"):
