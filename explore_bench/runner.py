@@ -180,7 +180,7 @@ def run(
     asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).name)
     check_runnable(asked.specs, workers, backend, timeout)
     store = Store(Path(results))
-    store.open(seed, "evaluate", physics or PAPER)
+    store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
     to_do = list(missing(store, asked.specs))
     return select(complete(to_do, store, workers, backend, timeout, progress, scheduler), asked.specs)
 

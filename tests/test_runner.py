@@ -194,6 +194,14 @@ def test_from_python_progress_is_told_of_every_trial(tmp_path):
     assert names(outcome.spec for outcome in told) == [("nearest", 0), ("nearest", 1)]
 
 
+def test_a_suite_of_several_physics_from_python_makes_a_folder_of_any(tmp_path):
+    table = explore_bench.run(
+        "robustness", ["nearest"], sizes=[12.0], trials=1, backend="sequential", results=tmp_path / "results"
+    )
+    assert table["scenario"].nunique() == len(table) > 1
+    assert Store(tmp_path / "results").protocol()["scenario"] == "any"
+
+
 # Interruptions
 
 
