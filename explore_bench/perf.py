@@ -7,6 +7,7 @@ more, and with them the growth of the cost with the length of the trajectory.
 from __future__ import annotations
 
 import json
+import math
 import statistics
 import time
 from collections import defaultdict
@@ -16,6 +17,7 @@ from pathlib import Path
 
 from explore_bench.errors import writing
 from explore_bench.registry import strategies
+from explore_bench.results import plain
 from explore_bench.scenario import PAPER
 from explore_bench.spec import TrialSpec
 from explore_bench.strategy import Entry
@@ -54,7 +56,7 @@ class Perf:
     step_to_isam2_ratio : all that the steps of a whole trial cost over what iSAM2's updates cost, median over trials.
     median_step_to_isam2_ratio : median step over median update, at each length.
     step_growth_1000_over_100 : median step at 1000 poses over that at 100.
-    decision_ms : strategy → size → median time of a choice.
+    decision_ms : strategy → size → median time of a choice; NaN for a strategy that made none (null in JSON).
     """
 
     step_to_isam2_ratio: dict[str, float]
@@ -144,7 +146,7 @@ def write_json(perf: Perf, path: Path) -> None:
     RequestError : where the file cannot be written.
     """
     with writing(path):
-        path.write_text(json.dumps(asdict(perf), indent=1) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(plain(asdict(perf)), indent=1) + "\n", encoding="utf-8")
 
 
 class FreeChoice:
@@ -184,6 +186,7 @@ def _parts(steps: list[dict[str, float]], size: float, length: int | None) -> li
 
 
 def _decision_ms(name: str, entry: Entry, size: float) -> float:
+    """Median time of a decision [ms]; NaN for a strategy that made none, a broken plugin."""
     seconds: list[float] = []
     for trial in range(DECISION_TRIALS):
         spec = TrialSpec(
@@ -195,6 +198,7 @@ def _decision_ms(name: str, entry: Entry, size: float) -> float:
             entry.reference,
             purpose="calibrate",
             weights=next(iter(entry.weights.values()), None),
+            broken=entry.broken,
         )
         seconds += run_trial(spec).decision_seconds
-    return 1e3 * statistics.median(seconds)
+    return 1e3 * statistics.median(seconds) if seconds else math.nan

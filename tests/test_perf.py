@@ -16,6 +16,7 @@ from explore_bench.strategy import Entry
 from explore_bench.trial import run_trial
 
 NEAREST = Entry("baselines.nearest:Nearest", "Nearest")
+DECISION_MS = perf._decision_ms
 
 
 def made_up(size, trial, step_length):
@@ -127,6 +128,17 @@ def test_the_time_of_a_decision_is_that_of_the_strategy(monkeypatch, tmp_path):
     )
     assert 10.0 <= perf._decision_ms("slow", Entry(f"{file}:Slow", "Slow"), 20.0) < 30.0
     assert perf._decision_ms("nearest", NEAREST, 20.0) < 5.0
+
+
+def test_a_broken_plugin_has_no_time_and_does_not_end_the_measurement(cheap, monkeypatch, tmp_path):
+    monkeypatch.setattr(perf, "DECISION_TRIALS", 1)
+    broken = Entry("no_such_module_anywhere:Mine", "Mine", broken="it cannot be used")
+    monkeypatch.setattr(perf, "_decision_ms", DECISION_MS)
+    monkeypatch.setattr(perf, "strategies", lambda: {"mine": broken, "nearest": NEAREST})
+    write_json(measure(), tmp_path / "perf.json")
+    values = json.loads((tmp_path / "perf.json").read_text())["decision_ms"]
+    assert values["mine"] == {"20": None, "40": None}
+    assert values["nearest"]["20"] > 0.0
 
 
 def test_a_learned_strategy_decides_with_the_weights_of_its_first_training_seed(monkeypatch):
