@@ -112,7 +112,6 @@ def test_a_size_that_no_map_can_have(refused, tmp_path, size):
         (("--seed", "4294967296"), "4294967296"),
         (("--seed", "1.5"), "1.5"),
         (("--backend", "dask"), "dask"),
-        (("--backend", "dask", "--scheduler", "nowhere"), "'nowhere' cannot be reached"),
         (("--backend", "dask", "--scheduler", "tcp://host:1", "--workers", "3"), "workers is 3"),
         (("--scheduler", "tcp://host:1"), "'tcp://host:1'"),
         (("--frobnicate",), "--frobnicate"),
@@ -126,6 +125,12 @@ def test_a_size_that_no_map_can_have(refused, tmp_path, size):
 )
 def test_a_value_out_of_range(refused, smoke, arguments, value):
     assert value in refused(*smoke, *arguments)
+
+
+def test_a_cluster_that_is_not_there(refused, smoke, tmp_path):
+    pytest.importorskip("distributed", reason="distributed is missing: install the extra 'dask'")
+    assert "scheduler 'nowhere' cannot be reached" in refused(*smoke, "--backend", "dask", "--scheduler", "nowhere")
+    assert not (tmp_path / "results").exists()
 
 
 def test_a_cluster_without_the_extra(refused, smoke, monkeypatch):

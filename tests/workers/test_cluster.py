@@ -5,10 +5,8 @@ import signal
 import socket
 import time
 
-import dask
 import pandas as pd
 import pytest
-from distributed import LocalCluster
 from handmade import TINY, tiny_plan, write_plugin
 
 import explore_bench
@@ -16,7 +14,11 @@ from explore_bench import runner
 from explore_bench.errors import RequestError
 from explore_bench.records import Store, missing
 from explore_bench.runner import complete
-from explore_bench.workers import IncompleteError, cluster, task
+from explore_bench.workers import IncompleteError, task
+
+dask = pytest.importorskip("dask", reason="dask is missing: install the extra 'dask'")
+distributed = pytest.importorskip("distributed", reason="distributed is missing: install the extra 'dask'")
+from explore_bench.workers import cluster  # noqa: E402  (imports distributed)
 
 LIMIT = 600
 """Seconds that a test may take."""
@@ -39,7 +41,7 @@ def bounded():
 @pytest.fixture(scope="module")
 def two_workers():
     """Return the address of a scheduler with two workers of one thread each."""
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as made:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as made:
         yield made.scheduler_address
 
 
@@ -122,7 +124,7 @@ def test_a_trial_has_a_process_with_one_thread_of_its_own(two_workers, tmp_path)
         return int(observation.path_lengths.argmin())
     """
     plugin = write_plugin(tmp_path, lines, head="import os, sys, threading, numba")
-    with LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as lone:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as lone:
         table, _ = on(lone.scheduler_address, tiny_plan([plugin], trials=2), opened(tmp_path / "results"))
     assert list(table["status"]) == ["explored"] * 2, table["reason"].iloc[0]
 
@@ -173,7 +175,7 @@ def test_a_cluster_whose_workers_are_all_lost_ends_the_run_as_incomplete(tmp_pat
     specs, store = tiny_plan([plugin], trials=2), opened(tmp_path / "results")
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as made,
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0") as made,
         pytest.raises(IncompleteError, match="gave up"),
     ):
         on(made.scheduler_address, specs, store)
@@ -251,12 +253,12 @@ def test_another_service_that_never_answers_is_refused_in_time(hurried):
 
 def test_a_scheduler_without_workers_is_refused(hurried):
     with (
-        LocalCluster(n_workers=0, dashboard_address=":0", processes=False) as empty,
+        distributed.LocalCluster(n_workers=0, dashboard_address=":0", processes=False) as empty,
         pytest.raises(RequestError, match="has no worker; start some with 'dask worker "),
     ):
         runner.crew("dask", None, empty.scheduler_address)
 
 
 def test_threads_of_all_workers_are_counted(hurried):
-    with LocalCluster(n_workers=2, threads_per_worker=3, processes=False, dashboard_address=":0") as made:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=3, processes=False, dashboard_address=":0") as made:
         assert runner.crew("dask", None, made.scheduler_address) == 6
