@@ -41,7 +41,7 @@ SUMMARY_COLUMNS = (
     *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
     *("seeds", "seed_low", "seed_high"),
 )
-TEXTS = ("strategy", "world", "status", "scenario")
+TEXTS = ("strategy", "world", "status", "scenario", "table", "metric")
 """Columns of words among those that are read back; all others hold numbers."""
 
 KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
