@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -13,6 +14,8 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from explore_bench.workers import GRACE, THREAD_SETTINGS, IncompleteError
 from explore_bench.workers.task import PROCESS_DIED, Report, Task, lost, perform, warm_up
+
+warnings.filterwarnings("ignore", r"\d+ tasks ", UserWarning, "joblib")  # what an interrupted run leaves runs again
 
 AHEAD = 2
 """Trials handed out for each worker before their turn."""
