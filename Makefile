@@ -40,7 +40,7 @@ test: $(READY)           ## The tests
 	$(BIN)/pytest -m "not slow" $(WORKERS)
 
 test-slow: $(READY)      ## The tests that take minutes
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow $(WORKERS)
 
 lint: $(READY)           ## Style, types, and pages that match the results
 	$(BIN)/ruff check .
