@@ -219,6 +219,10 @@ class PeeksAtTheRollout(Sound):
 
 
 class PeeksThroughTheCollector(Sound):
+    def reset(self, rng):
+        gc.collect()  # lest it meet the world of a trial that is over
+        super().reset(rng)
+
     def choose(self, observation):
         cells = observation.scenario.cells
         worlds = [value for value in gc.get_objects() if isinstance(value, World) and value.cells == cells]
