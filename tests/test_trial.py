@@ -590,10 +590,14 @@ def honest_small():
 @pytest.mark.parametrize("place", ["import", "init", "reset", "choose"])
 def test_a_process_that_a_strategy_forks_off_ends_and_the_trial_goes_on(tmp_path, place, honest_small):
     """Each process that came out of the trial would leave a mark."""
-    fork = {name: "os.fork()" if name == place else "None" for name in ("import", "init", "reset", "choose")}
-    file = tmp_path / "forks.py"
+    fork = {name: "fork()" if name == place else "None" for name in ("import", "init", "reset", "choose")}
+    file, children = tmp_path / "forks.py", tmp_path / "children"
     file.write_text(
-        f"import os\n{fork['import']}\n"
+        f"import os\n"
+        f"def fork():\n"
+        f"    if pid := os.fork():\n"
+        f"        with open({str(children)!r}, 'a') as file: print(pid, file=file)\n"
+        f"{fork['import']}\n"
         f"class Forks:\n"
         f"    def __init__(self): {fork['init']}\n"
         f"    def reset(self, rng): {fork['reset']}\n"
@@ -608,12 +612,9 @@ def test_a_process_that_a_strategy_forks_off_ends_and_the_trial_goes_on(tmp_path
         if os.getpid() != own:
             (tmp_path / f"{os.getpid()}").touch()
             os._exit(1)
-    while True:  # the children have ended by themselves; none is left
-        try:
-            _, status = os.wait()
-        except ChildProcessError:
-            break
-        assert status == 0
+    pids = [int(pid) for pid in children.read_text().split()]
+    assert pids
+    assert [os.waitpid(pid, 0)[1] for pid in pids] == [0] * len(pids), "they have ended by themselves"
     assert [path.name for path in tmp_path.iterdir() if path.name.isdigit()] == []
     assert result.steps == honest_small.steps
 
