@@ -73,19 +73,27 @@ class Course:
     ----------
     root : root seed; for training the training seed.
     weights : of the reward of a decision (Eq. 24).
+    scales : sides of the maps as multiples of the scenario's, by turns.
     """
 
     scenario: Scenario
     purpose: Purpose
     root: int
     weights: RewardWeights = WEIGHTS
+    scales: tuple[float, ...] = (1.0,)
+
+    def scenario_of(self, episode: int) -> Scenario:
+        """Physics of an episode, its map of the size whose turn it is."""
+        scale = self.scales[episode % len(self.scales)]
+        return self.scenario if scale == 1.0 else self.scenario.replace(size=scale * self.scenario.size)
 
     def generator(self, episode: int, role: Role) -> np.random.Generator:
         """Return the stream of a role in an episode."""
-        return stream(self.purpose, self.root, self.scenario.size, episode, role)
+        return stream(self.purpose, self.root, self.scenario_of(episode).size, episode, role)
 
     def begin(self, episode: int) -> DecisionProcess:
         """Draw the world of an episode and run up to its first decision."""
-        world = draw_world(self.scenario, self.generator(episode, "world"))
+        scenario = self.scenario_of(episode)
+        world = draw_world(scenario, self.generator(episode, "world"))
         motion, sensing = self.generator(episode, "motion"), self.generator(episode, "sensor")
-        return DecisionProcess(self.scenario, world, motion, sensing, self.weights)
+        return DecisionProcess(scenario, world, motion, sensing, self.weights)

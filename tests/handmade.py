@@ -19,6 +19,20 @@ from explore_bench.suites import plan
 TINY = Scenario(size=12.0, landmark_count=1, obstacle_count=2, coverage=0.8)
 """Explored in some 25 steps and 3 decisions."""
 
+HALLS = (
+    "##########",
+    "#....#...#",
+    "#....#...#",
+    "#........#",
+    "#....#...#",
+    "######.###",
+    "#??###.#.#",
+    "#.S......#",
+    "#........#",
+    "##########",
+)
+"""A given map: two rooms and a hall, one free cell that nobody reaches, and a corner that the map does not know."""
+
 NEAREST = """
     class Plugin:
         def reset(self, rng):

@@ -136,3 +136,10 @@ def test_the_table_and_the_json_say_the_same(folders):
     values = json.loads(json.dumps(found.values(), allow_nan=False))
     assert values["differences"][0]["difference"]["mean"] == pytest.approx(0.2)
     assert values["left_out"] == list(found.left_out)
+
+
+def test_a_single_world_has_no_effect_size(folders):
+    found = compare_folders(*folders(rows([1.0]), rows([1.2])))
+    (row, *_) = comparison_table(found).rows
+    assert row[3] == "1"
+    assert row[8] == "–"

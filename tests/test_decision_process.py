@@ -92,6 +92,17 @@ def test_the_streams_of_a_course_are_those_of_the_benchmark(purpose, role):
         np.testing.assert_array_equal(own.integers(2**63, size=4), expected.integers(2**63, size=4))
 
 
+def test_maps_of_several_sizes_come_by_turns():
+    course = Course(TINY, "train", 5, scales=(1.0, 1.5))
+    assert [course.scenario_of(episode) for episode in range(4)] == [TINY, TINY.replace(size=18.0)] * 2
+    for episode in range(4):
+        alone = Course(course.scenario_of(episode), "train", 5)
+        one, other = course.begin(episode), alone.begin(episode)
+        assert one.scenario.size == (12.0, 18.0)[episode % 2]
+        assert one.rows == other.rows
+        np.testing.assert_array_equal(one.observation.candidates, other.observation.candidates)
+
+
 def first(course, episode, role):
     return int(course.generator(episode, role).integers(2**63))
 

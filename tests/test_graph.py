@@ -618,12 +618,12 @@ def test_two_graphs_of_one_observation_are_equal(large):
 
 
 @pytest.mark.parametrize(("columns", "weighted"), [(EQUATION_4, False), (CHEN_2020, True)])
-def test_a_graph_of_40_m_is_built_in_milliseconds(large, columns, weighted):
-    """A median below 1 ms on an idle machine; here the best of 20 has to be below 4 ms on a busy one."""
+def test_a_graph_of_40_m_is_built_in_less_than_a_millisecond(large, columns, weighted):
+    """Processor time, the best of 20: other processes do not count."""
     assert len(graph(large).features) > 100
     seconds = []
     for _ in range(20):
-        begin = time.perf_counter()
+        begin = time.process_time()
         exploration_graph(large, columns, weighted=weighted)
-        seconds.append(time.perf_counter() - begin)
-    assert min(seconds) < 4e-3
+        seconds.append(time.process_time() - begin)
+    assert min(seconds) < 1e-3

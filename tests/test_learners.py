@@ -137,9 +137,11 @@ def test_advantages_with_a_trace_of_one_are_returns_less_values():
 
 def test_changes_of_the_objective_by_hand():
     """25 cells; decisions at steps 0 and 5 with the largest traces 1 and e², the end at step 15 with e⁶."""
-    episode = SimpleNamespace(last=SimpleNamespace(step=15, peak_trace=math.exp(6)))
-    found = objective_changes(episode, [(0, 0.0), (5, 1.0)], COURSE)
-    np.testing.assert_allclose(found, [-2 * 5 / 25 - 1.0, -2 * 10 / 25 - 2.0])
+    episode = SimpleNamespace(number=1, last=SimpleNamespace(step=15, peak_trace=math.exp(6)))
+    marks = [(0, 0.0), (5, 1.0)]
+    np.testing.assert_allclose(objective_changes(episode, marks, COURSE), [-2 * 5 / 25 - 1.0, -2 * 10 / 25 - 2.0])
+    by_turns = dataclasses.replace(COURSE, scales=(1.0, 1.2))
+    np.testing.assert_allclose(objective_changes(episode, marks, by_turns), [-2 * 5 / 36 - 1.0, -2 * 10 / 36 - 2.0])
 
 
 # All learners
@@ -332,7 +334,7 @@ def test_the_noise_of_an_episode_is_that_of_its_number():
     assert not torch.equal(drawn[0][0], drawn[3][0])
 
 
-@pytest.mark.parametrize(("number", "share"), [(0, 0.0), (5, 0.5), (10, 1.0), (40, 1.0)])
+@pytest.mark.parametrize(("number", "share"), [(0, 0.0), (5, 0.5), (9, 0.9), (40, 1.0)])
 def test_the_rates_of_returns_fall_linearly(number, share):
     learner = made("returns", rate=1e-3, final_rate=1e-4, dropout=0.4, final_dropout=0.1, decay=10)
     rates, noise = [], learner.network.noise
@@ -341,6 +343,15 @@ def test_the_rates_of_returns_fall_linearly(number, share):
     assert rate_of(learner) == pytest.approx(1e-3 - share * 9e-4)
     assert rates == [pytest.approx(0.4 - share * 0.3)]
     assert f"dropout {0.4 - share * 0.3:.2f}" in learner.exploration()
+
+
+@pytest.mark.parametrize(
+    ("episode", "rate"),
+    [(0, 1.0), (50, 0.55), (99, 0.109), (100, 0.5), (125, 0.3), (150, 0.25), (175, 0.125), (190, 0.1), (10_000, 0.1)],
+)
+def test_the_rate_of_returns_falls_again_from_half_as_high_and_half_as_long(episode, rate):
+    settings = ReturnsSettings(rate=1.0, final_rate=0.1, restart=0.5, decay=100)
+    assert settings.rate_at(episode) == pytest.approx(rate)
 
 
 # Replay ([8])

@@ -48,6 +48,11 @@ def _short(monkeypatch):
         module: dataclasses.replace(recipe, settings=dataclasses.replace(recipe.settings, **QUICK[module]), episodes=8)
         for module, recipe in training.RECIPES.items()
     }
+    recipes |= {
+        module: dataclasses.replace(recipe, scales=(1.0, 1.2))
+        for module, recipe in recipes.items()
+        if recipe.scales[1:]
+    }
     values = {"PAPER": SMALL, "RECIPES": recipes, "VALIDATION_WORLDS": 3, "VALIDATE_EVERY": 4, "WINDOW": 40}
     for name, value in values.items():
         monkeypatch.setattr(training, name, value)
@@ -145,6 +150,8 @@ def test_the_card_says_what_the_weights_are_and_how_they_were_made(tmp_path):
     assert card["wall_seconds"] > 0
     assert card["settings"]["episodes_per_update"] == 2
     assert card["reward_weights"].keys() == {"uncertainty", "turning", "length", "error", "steps", "explored"}
+    assert card["scales"] == [1.0]
+    assert card["resumed"] == []
     assert card["scenario"] == {"size": 10.0, "landmark_count": 1, "obstacle_count": 2}
     assert card["scenario_digest"] == scenario_digest(SMALL)
     assert card["versions"].keys() == {"gtsam", "numpy", "torch"}
@@ -162,8 +169,9 @@ def test_the_weights_make_a_strategy_that_validates_as_the_card_says(tmp_path, n
     scores = []
     for number in range(3):
         strategy.reset(np.random.default_rng(0))
-        (episode,) = play(Course(SMALL, "validate", 0), [number], lambda _, seen: [strategy.choose(seen[0])])
-        scores.append(episode.score(SMALL))
+        course = Course(SMALL, "validate", 0, scales=training.RECIPES[entry.factory.split(":")[0]].scales)
+        (episode,) = play(course, [number], lambda _, seen: [strategy.choose(seen[0])])
+        scores.append(episode.score(course.scenario_of(number)))
     time, efficiency, error = np.array(scores).T
     assert checkpoint.read_card(path)["validation"] == {
         "worlds": 3,
@@ -190,7 +198,7 @@ def test_a_row_of_the_curve_by_hand():
     """Two episodes of one window: reward a decision, the others a mean over the episodes."""
 
     def episode(steps, rewards, *score):
-        return SimpleNamespace(steps=steps, rewards=rewards, score=lambda _: score)
+        return SimpleNamespace(number=0, steps=steps, rewards=rewards, score=lambda _: score)
 
     log, course = training.Log(), Course(SMALL, "train", 0)
     log.add([episode(30, [1.0, 2.0, 3.0], 30.0, 1.0, 0.5)], 0.25, course)
@@ -210,7 +218,7 @@ def test_the_best_weights_of_all_validations_are_kept(tmp_path, monkeypatch):
     def greedy(network, course, count):
         score = next(scores)
         seen.append({name: tensor.clone() for name, tensor in network.state_dict().items()})
-        return [SimpleNamespace(score=lambda _: score)] * count
+        return [SimpleNamespace(number=0, score=lambda _: score)] * count
 
     monkeypatch.setattr(training, "greedy", greedy)
     said = train(tmp_path, episodes=12)
@@ -247,8 +255,9 @@ def test_every_learned_strategy_can_be_trained(tmp_path, name):
     wanted = dict(STRATEGIES[name].parameters)
     assert ("path_length" in run.network.columns) == (wanted.pop("distance", "straight") == "path")
     assert run.network.switches.items() >= wanted.items()
-    assert run.course == Course(SMALL.replace(**STRATEGIES[name].training), "train", 3)
-    assert run.validation == Course(SMALL, "validate", 0)
+    scales = (1.0, 1.2) if name == "graph-stnn-plus" else (1.0,)
+    assert run.course == Course(SMALL.replace(**STRATEGIES[name].training), "train", 3, scales=scales)
+    assert run.validation == Course(SMALL, "validate", 0, scales=scales)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -294,7 +303,8 @@ def test_a_resumed_training_ends_with_the_same_weights(call, tmp_path, name):
     assert out.startswith(f"{name}, seed 0: going on after 4 episodes\n")
     one, other = (load_state(tmp_path / folder / f"{name}-0.last")[0] for folder in ("through", "stopped"))
     assert same(one, other)
-    assert log_of(tmp_path / "through", name) == log_of(tmp_path / "stopped", name)
+    assert log_of(tmp_path / "through", name) | {"resumed": [4]} == log_of(tmp_path / "stopped", name)
+    assert checkpoint.read_card(tmp_path / "stopped" / f"{name}-0.safetensors")["resumed"] in ([], [4])
     one, other = (load_file(tmp_path / folder / f"{name}-0.safetensors") for folder in ("through", "stopped"))
     assert same(one, other)
     one, other = ((tmp_path / folder / f"{name}-0.curve.csv").read_text() for folder in ("through", "stopped"))
@@ -314,7 +324,7 @@ def test_an_interrupted_training_goes_on_from_its_last_checkpoint(call, tmp_path
     assert call("graph-stnn", "--resume", out=tmp_path / "stopped")[0] == 0
     one, other = (load_state(tmp_path / folder / "graph-stnn-0.last")[0] for folder in ("through", "stopped"))
     assert same(one, other)
-    assert log_of(tmp_path / "through") == log_of(tmp_path / "stopped")
+    assert log_of(tmp_path / "through") | {"resumed": [4]} == log_of(tmp_path / "stopped")
 
 
 def test_checkpoints_come_by_the_clock_too(tmp_path, monkeypatch):
@@ -422,8 +432,18 @@ def test_a_checkpoint_of_other_settings(refused, tmp_path, monkeypatch):
     train(tmp_path, episodes=4)
     module = "baselines.learned.graph_stnn"
     recipe = training.RECIPES[module]
-    other = dataclasses.replace(recipe, settings=dataclasses.replace(recipe.settings, discount=0.5))
-    monkeypatch.setitem(training.RECIPES, module, other)
+    for changed in (
+        {"settings": dataclasses.replace(recipe.settings, discount=0.5)},
+        {"reward": dataclasses.replace(recipe.reward, uncertainty=2.0)},
+        {"scales": (1.0, 1.5)},
+    ):
+        monkeypatch.setitem(training.RECIPES, module, dataclasses.replace(recipe, **changed))
+        assert "is of another network or other settings" in refused("graph-stnn", "--resume")
+
+
+def test_a_checkpoint_of_other_physics(refused, tmp_path, monkeypatch):
+    train(tmp_path, episodes=4)
+    monkeypatch.setattr(training, "PAPER", SMALL.replace(obstacle_count=1))
     assert "is of another network or other settings" in refused("graph-stnn", "--resume")
 
 

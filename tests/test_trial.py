@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from handmade import write_plugin
+from handmade import HALLS, write_plugin
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import between, centre_of, compose
@@ -801,22 +801,7 @@ def test_a_strategy_that_overwrites_its_observation_by_force_changes_nothing(hon
 # Given maps
 
 
-ROOMS = Scenario(
-    map=(
-        "##########",
-        "#....#...#",
-        "#....#...#",
-        "#........#",
-        "#....#...#",
-        "######.###",
-        "#??###.#.#",
-        "#.S......#",
-        "#........#",
-        "##########",
-    ),
-    occlusion=True,
-)
-"""Two rooms and a hall, one free cell that nobody reaches, and a corner that the map does not know."""
+ROOMS = Scenario(map=HALLS, occlusion=True)
 
 
 @pytest.fixture(scope="module")

@@ -48,7 +48,7 @@ class PolicyGradientSettings:
     ratio: float = 0.2
     entropy: float = 0.02
     final_entropy: float = 0.0
-    decay: int = 8_000
+    decay: int = 6_000
     clip: float = 1.0
 
 
@@ -164,7 +164,7 @@ def objective_changes(episode: Episode, marks: Sequence[tuple[int, float]], cour
     assert last is not None
     marks = [*marks, (last.step, 0.5 * math.log(last.peak_trace))]
     steps = np.diff([step for step, _ in marks])
-    return -2.0 * steps / course.scenario.cell_count - np.diff([peak for _, peak in marks])
+    return -2.0 * steps / course.scenario_of(episode.number).cell_count - np.diff([peak for _, peak in marks])
 
 
 def advantage_estimates(rewards: np.ndarray, values: Sequence[float], discount: float, trace: float) -> np.ndarray:

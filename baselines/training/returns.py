@@ -26,10 +26,12 @@ class ReturnsSettings:
     ----------
     episodes_per_update : episodes whose losses are averaged for one gradient step; the paper has 1.
     rate : α of Eq. 22, the step size of Adam; it falls linearly to `final_rate` over `decay` episodes.
+    restart : then it falls again and again, each time from this share of the height and over this share of the
+        episodes (warm restarts, after Loshchilov and Hutter 2017), so that a training can go on.
     discount : γ.
     reach : m of Eq. 21, after how many decisions the sum is cut off and the network's own value takes its place;
         None: at the end of the episode, as in Eq. 23.
-    dropout, final_dropout : share of channels dropped, falling linearly over `decay` episodes.
+    dropout, final_dropout : share of channels dropped, falling linearly over the first `decay` episodes.
     decay : episodes over which the rates fall.
     clip : largest norm of a gradient.
     """
@@ -37,12 +39,23 @@ class ReturnsSettings:
     episodes_per_update: int = 8
     rate: float = 4e-3
     final_rate: float = 1e-4
+    restart: float = 0.5
     discount: float = 0.9
     reach: int | None = None
     dropout: float = 0.2
     final_dropout: float = 0.0
     decay: int = 3_000
     clip: float = 5.0
+
+    def rate_at(self, episode: int) -> float:
+        """α at an episode."""
+        height, length, begin = self.rate, float(self.decay), 0.0
+        while episode >= begin + length and height > self.final_rate:
+            begin += length
+            height, length = height * self.restart, length * self.restart
+        height = max(height, self.final_rate)
+        progress = min((episode - begin) / length, 1.0)
+        return height + progress * (self.final_rate - height)
 
 
 class ReturnsLearner(OneNetwork):
@@ -56,12 +69,12 @@ class ReturnsLearner(OneNetwork):
         self.network, self.course, self.settings = network, course, settings
         self.optimizer = torch.optim.Adam(network.parameters(), lr=settings.rate)
         self.episodes_at_once = settings.episodes_per_update
-        self._rate = settings.dropout
+        self._dropout = settings.dropout
 
     def exploration(self) -> str:
         """How much the network explores, in words."""
         sigma = float(self.network.noisy.sigma_weight.detach().abs().mean())
-        return f"noise σ {sigma:.4f}, dropout {self._rate:.2f}"
+        return f"noise σ {sigma:.4f}, dropout {self._dropout:.2f}"
 
     def improve(self, numbers: Sequence[int]) -> tuple[list[Episode], float]:
         """Play these episodes, take one gradient step and return them with the loss.
@@ -72,10 +85,9 @@ class ReturnsLearner(OneNetwork):
         """
         settings, network = self.settings, self.network
         progress = min(numbers[0] / settings.decay, 1.0)
-        rate = settings.dropout + progress * (settings.final_dropout - settings.dropout)
-        self._rate = rate
+        self._dropout = settings.dropout + progress * (settings.final_dropout - settings.dropout)
         rngs = [self.course.generator(number, "learning") for number in numbers]
-        noise = network.noise(rngs, rate)
+        noise = network.noise(rngs, self._dropout)
         hidden = network.start(len(numbers))
         chosen: list[list[Tensor]] = [[] for _ in numbers]
 
@@ -101,7 +113,7 @@ class ReturnsLearner(OneNetwork):
         if not losses:
             return episodes, math.nan
         loss = torch.stack(losses).mean()
-        set_rate(self.optimizer, settings.rate + progress * (settings.final_rate - settings.rate))
+        set_rate(self.optimizer, settings.rate_at(numbers[0]))
         descend(loss, network, self.optimizer, settings.clip)
         return episodes, float(loss.detach())
 

@@ -52,6 +52,7 @@ class Recipe:
     network : makes an untrained one from the entry's parameters.
     learner, settings : how it learns.
     reward : weights of Eq. 24.
+    scales : sides of the maps it trains and validates on, by turns, as multiples of the paper's 20 m.
     episodes : how many it takes unless told otherwise.
     """
 
@@ -60,12 +61,15 @@ class Recipe:
     settings: ReturnsSettings | ReplaySettings | PolicyGradientSettings
     episodes: int
     reward: RewardWeights = WEIGHTS
+    scales: tuple[float, ...] = (1.0,)
 
 
 RECIPES: dict[str, Recipe] = {
-    "baselines.learned.graph_stnn": Recipe(GraphSTNN, ReturnsLearner, ReturnsSettings(), 3000),
-    "baselines.learned.graph_stnn_plus": Recipe(GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(), 8000),
-    "baselines.learned.gcn": Recipe(GCN, ReplayLearner, ReplaySettings(), 3000),
+    "baselines.learned.graph_stnn": Recipe(GraphSTNN, ReturnsLearner, ReturnsSettings(), 4500),
+    "baselines.learned.graph_stnn_plus": Recipe(
+        GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(), 6000, scales=(1.0, 1.5)
+    ),
+    "baselines.learned.gcn": Recipe(GCN, ReplayLearner, ReplaySettings(), 4500),
 }
 """By the module of a strategy's factory."""
 
@@ -80,6 +84,7 @@ class Log:
     curve : rows of CURVE_COLUMNS, one for every WINDOW steps.
     pending : sums of the row that is not full yet.
     validations : [episodes, objective, T, η, e] of each validation, the objective being the mean of log e − log η.
+    resumed : after how many episodes it went on from a checkpoint.
     """
 
     episodes: int = 0
@@ -89,11 +94,12 @@ class Log:
     curve: list[list[float]] = field(default_factory=list)
     pending: list[float] = field(default_factory=lambda: [0.0] * 9)
     validations: list[list[float]] = field(default_factory=list)
+    resumed: list[int] = field(default_factory=list)
 
     def add(self, episodes: list[Episode], loss: float, course: Course) -> None:
         """Take in the episodes of one gradient step."""
         for episode in episodes:
-            time_, efficiency, error = episode.score(course.scenario)
+            time_, efficiency, error = episode.score(course.scenario_of(episode.number))
             self.episodes += 1
             self.decisions += len(episode.rewards)
             self.steps += episode.steps
@@ -123,8 +129,9 @@ class Training:
         self.name, self.entry, self.seed = name, entry, seed
         self.best_path = out / f"{name}-{seed}.safetensors"
         self.last_path = out / f"{name}-{seed}.last"
-        self.course = Course(PAPER.replace(**entry.training), "train", seed, self.recipe.reward)
-        self.validation = Course(PAPER, "validate", 0)
+        scenario, scales = PAPER.replace(**entry.training), self.recipe.scales
+        self.course = Course(scenario, "train", seed, self.recipe.reward, scales)
+        self.validation = Course(PAPER, "validate", 0, scales=scales)
         torch.manual_seed(int(stream("train", seed, PAPER.size, 0, "strategy").integers(2**62)))
         self.network = self.recipe.network(**entry.parameters)
         self.learner = self.recipe.learner(self.network, self.course, self.recipe.settings)
@@ -165,13 +172,24 @@ class Training:
         save_state(self.last_path, self.learner.tensors(), facts)
 
     def _design(self) -> dict[str, Any]:
-        return json.loads(json.dumps({**describe(self.network), "settings": asdict(self.recipe.settings)}))
+        made = {**describe(self.network), **self._how()}
+        return json.loads(json.dumps(made))
+
+    def _how(self) -> dict[str, Any]:
+        """Everything beside the network and the seed that a training depends on."""
+        return {
+            "settings": asdict(self.recipe.settings),
+            "reward_weights": asdict(self.recipe.reward),
+            "scales": self.recipe.scales,
+            "scenario": self.course.scenario.model_dump(exclude_unset=True),
+            "scenario_digest": scenario_digest(self.course.scenario),
+        }
 
     def validate(self) -> None:
         """Play the validation worlds without noise; keep the weights where none before were better."""
         log = self.log
         played = greedy(self.network, self.validation, VALIDATION_WORLDS)
-        scores = np.array([episode.score(self.validation.scenario) for episode in played])
+        scores = np.array([episode.score(self.validation.scenario_of(episode.number)) for episode in played])
         objective = float((np.log(scores[:, 2]) - np.log(scores[:, 1])).mean())
         log.validations.append([log.episodes, objective, *scores.mean(axis=0).tolist()])
         if objective <= min(row[1] for row in log.validations):
@@ -197,10 +215,8 @@ class Training:
                 "exploration_efficiency": efficiency,
                 "trajectory_error": error,
             },
-            "settings": asdict(self.recipe.settings),
-            "reward_weights": asdict(self.recipe.reward),
-            "scenario": self.course.scenario.model_dump(exclude_unset=True),
-            "scenario_digest": scenario_digest(self.course.scenario),
+            "resumed": log.resumed,
+            **self._how(),
             "versions": {library: installed_version(library) for library in ("gtsam", "numpy", "torch")},
         }
 
@@ -268,6 +284,8 @@ def train(
         )
     if resumed:
         say(f"{name}, seed {seed}: going on after {run.log.episodes} episodes")
+        if run.log.episodes < wanted:
+            run.log.resumed.append(run.log.episodes)
     run.save()
     begin = saved = said = time.perf_counter()
     before, first = run.log.seconds, run.log.episodes

@@ -3,9 +3,9 @@
     python docs/studies/learning_causes.py [--out FOLDER] [VARIANT ...]
 
 Without a VARIANT all are trained and judged anew; with some the rows of the others stay. They are judged on validation
-worlds of another root than those that chose their weights; untrained strategies play the same worlds. The last variant
-is the shipped `graph-stnn-plus`, its first training seed. Trainings resume from FOLDER. Writes learning-causes.csv
-beside this file; docs/learning.md tells what came of it.
+worlds of another root than those that chose their weights; shipped weights of every training seed, rules and untrained
+strategies play the same worlds. Trainings resume from FOLDER. Writes learning-causes.csv beside this file;
+docs/learning.md tells what came of it.
 """
 
 from __future__ import annotations
@@ -38,11 +38,13 @@ from explore_bench.decision_process import Course
 from explore_bench.registry import strategies
 from explore_bench.reward import RewardWeights
 from explore_bench.scenario import PAPER
-from explore_bench.strategy import make_strategy
+from explore_bench.strategy import make_strategy, parse_factory
+from explore_bench.weights import weights_file
 
 EPISODES = 3000
 WORLDS = {20.0: 100, 40.0: 16}
 UNTRAINED = ("nearest", "entropy", "uncertainty")
+SHIPPED = ("graph-stnn", "graph-stnn-plus")
 
 
 def loud(sigma: float) -> GraphSTNN:
@@ -102,13 +104,19 @@ VARIANTS: dict[str, train.Recipe] = {
     "the same, one episode an update": dataclasses.replace(
         FAITHFUL, settings=dataclasses.replace(RETURNS, episodes_per_update=1, rate=1e-3)
     ),
+    "the same, rate 0.001": dataclasses.replace(FAITHFUL, settings=dataclasses.replace(RETURNS, rate=1e-3)),
+    "the same, dropout 0.5 to 0.2": dataclasses.replace(
+        FAITHFUL, settings=dataclasses.replace(RETURNS, dropout=0.5, final_dropout=0.2)
+    ),
     "the same, 12,000 episodes": dataclasses.replace(
         FAITHFUL, settings=dataclasses.replace(RETURNS, decay=12_000), episodes=12_000
     ),
     "d along the path, returns": dataclasses.replace(FAITHFUL, network=partial(GraphSTNN, distance="path")),
     "Eq. 4, policy gradient": train.Recipe(GraphPolicy, PolicyGradientLearner, GRADIENT, EPISODES),
     "features of graph-stnn-plus, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
-    "features of graph-stnn-plus, policy gradient": train.RECIPES["baselines.learned.graph_stnn_plus"],
+    "features of graph-stnn-plus, policy gradient": train.Recipe(
+        GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(decay=8000), 8000
+    ),
 }
 
 
@@ -135,6 +143,14 @@ def learned(name: str, recipe: train.Recipe, out: Path) -> dict[str, object]:
     network = recipe.network()
     load_weights(network, path)
     return {"episodes": recipe.episodes} | scores(lambda course, count: train.greedy(network, course, count))
+
+
+def shipped(name: str, seed: int) -> dict[str, object]:
+    """Let the shipped weights of a training seed play."""
+    entry = strategies()[name]
+    network = train.RECIPES[parse_factory(entry.factory)[0]].network(**entry.parameters)
+    card = load_weights(network, weights_file(entry.weights[seed]))
+    return {"episodes": card["episodes"]} | scores(lambda course, count: train.greedy(network, course, count))
 
 
 def untrained(name: str) -> dict[str, object]:
@@ -183,9 +199,13 @@ def main() -> None:
     parser.add_argument("variants", nargs="*", metavar="VARIANT")
     asked = parser.parse_args()
     makers = {name: partial(learned, name, VARIANTS[name], asked.out) for name in VARIANTS}
-    makers |= {name: partial(ruled, name) for name in RULES} | {
-        f"`{name}`": partial(untrained, name) for name in UNTRAINED
+    makers |= {
+        f"`{name}` as shipped, seed {seed}": partial(shipped, name, seed)
+        for name in SHIPPED
+        for seed in sorted(strategies()[name].weights)
     }
+    makers |= {name: partial(ruled, name) for name in RULES}
+    makers |= {f"`{name}`": partial(untrained, name) for name in UNTRAINED}
     path = Path(__file__).with_name("learning-causes.csv")
     rows = pd.read_csv(path).set_index("variant").to_dict("index") if asked.variants and path.is_file() else {}
     for name in asked.variants or makers:

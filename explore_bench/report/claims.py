@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from explore_bench.claims import (
 )
 from explore_bench.report.html import Section
 from explore_bench.report.style import entry_of
-from explore_bench.report.tables import Scope, Table, interval_text, number_text
+from explore_bench.report.tables import Scope, Table, interval_text, number_text, signed_text
 from explore_bench.training_curve import TRAINING_METRICS
 
 HEADER = (
@@ -124,9 +123,9 @@ def _row(finding: Finding) -> tuple[str, ...]:
         str(finding.n),
         " / ".join(number_text(mean, mean) for mean in finding.means),
         interval_text(finding.difference),
-        _signed(100 * finding.relative),
+        signed_text(100 * finding.relative),
         *(f"{p:.4f}" for p in (finding.p, finding.p_holm)),
-        _signed(finding.effect, 2),
+        signed_text(finding.effect, 2),
         f"{finding.improvement:.2f}",
         " / ".join(str(count) if count else "–" for count in finding.seeds),
         " / ".join(
@@ -158,7 +157,3 @@ def _named(asked: Comparison) -> str:
     """Metric in words, with its symbol where that says more."""
     words = asked.metric.replace("_", " ")
     return words if asked.size is None else f"{words} {metric_of(asked).symbol}"
-
-
-def _signed(value: float, digits: int = 0) -> str:
-    return f"{value:+.{digits}f}".replace("-", "−") if math.isfinite(value) else "–"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from explore_bench.comparison import Difference, FolderComparison
 from explore_bench.metrics import METRICS
 from explore_bench.report.style import entry_of
-from explore_bench.report.tables import Table, heading, interval_text, number_text
+from explore_bench.report.tables import Table, heading, interval_text, number_text, signed_text
 
 
 def comparison_table(found: FolderComparison) -> Table:
@@ -30,7 +30,7 @@ def _row(own: Difference) -> tuple[str, ...]:
         *(number_text(mean, mean) for mean in own.means),
         interval_text(own.difference),
         f"{own.p_holm:.4f}",
-        f"{own.effect:+.2f}".replace("-", "−"),
+        signed_text(own.effect, 2),
         f"{own.improvement:.2f}",
         own.verdict,
     )

@@ -240,6 +240,11 @@ def number_text(value: float, mean: float) -> str:
     return f"{value:.{digits}f}".replace("-", "−")
 
 
+def signed_text(value: float, digits: int = 0) -> str:
+    """Value with its sign; a dash where it is no number."""
+    return f"{value:+.{digits}f}".replace("-", "−") if math.isfinite(value) else "–"
+
+
 def _slashes(values: Sequence[float]) -> str:
     """One count where all are equal, else one a size."""
     return f"{values[0]:g}" if len(set(values)) == 1 else "/".join(f"{value:g}" for value in values)

@@ -4,6 +4,7 @@ from collections import deque
 
 import numpy as np
 import pytest
+from handmade import HALLS
 from scipy import stats
 
 from explore_bench.errors import RequestError
@@ -161,19 +162,6 @@ def test_arrays_of_wrong_shapes_are_refused(obstacles, landmarks, named):
 
 
 # Given maps
-
-HALLS = (
-    "##########",
-    "#....#...#",
-    "#....#...#",
-    "#........#",
-    "#....#...#",
-    "######.###",
-    "#??###.#.#",
-    "#.S......#",
-    "#........#",
-    "##########",
-)
 
 
 def given(trial, rows=HALLS, **changes):
