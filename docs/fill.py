@@ -14,13 +14,15 @@ import math
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
+from explore_bench.metrics import METRICS
 from explore_bench.perf import Part, Perf, text
 from explore_bench.registry import strategies
-from explore_bench.results import by_world, read_csv
+from explore_bench.results import by_world, read_csv, seed_means
 from explore_bench.scenario import PAPER
 from explore_bench.statistics import paired_difference
 from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, STEP_COLUMNS
@@ -33,7 +35,8 @@ PAGES = (
     *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "learning", "performance", "protocol", "records")),
 )
 PAGES = (*PAGES, "docs/uncertainty-weight.md")
-MARGINS = {"trajectory_error": "e", "exploration_efficiency": "η"}
+OURS = "graph-stnn-plus"
+SYMBOLS = {"e": "trajectory_error", "η": "exploration_efficiency"}
 PAIRS = (
     ("graph-stnn", "uncertainty"),
     ("graph-stnn", "gcn-obs"),
@@ -42,12 +45,13 @@ PAIRS = (
     ("gcn-obs", "gcn-no-obs"),
     ("gcn-obs", "gcn-obs-blind"),
     *(("graph-stnn", name) for name, entry in strategies().items() if entry.tables == ("table3",)),
-    *(
-        ("graph-stnn-plus", name)
-        for name, entry in strategies().items()
-        if not entry.reference and name != "graph-stnn-plus"
-    ),
+    *((OURS, name) for name, entry in strategies().items() if not entry.reference and name != OURS),
 )
+TARGETS = {
+    ("graph-stnn", "uncertainty"): {("e", 20.0): -29, ("e", 40.0): -16, ("η", 20.0): 46, ("η", 40.0): 32},
+    ("graph-stnn", "gcn-obs"): {("e", 20.0): -9, ("e", 40.0): -14, ("η", 20.0): 10, ("η", 40.0): 37},
+}
+"""The margins of the paper's Table 2 [%]."""
 CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
 
 
@@ -162,25 +166,110 @@ def learning_causes() -> str:
 
 
 def margins() -> str:
-    """Relative differences of e and η between pairs of strategies, paired by world."""
-    trials = read_csv(ROOT / "results" / "trials.csv", ("strategy", "size", "trial", *MARGINS))
+    """Relative differences of e and η between pairs of strategies, paired by world; bold where A is clearly better."""
+    trials = _trials()
     sizes = sorted(set(trials["size"]))
     rows = []
     for a, b in PAIRS:
-        cells = {f"{symbol}, {s:g} m": _margin(trials, a, b, s, m) for m, symbol in MARGINS.items() for s in sizes}
+        cells = {}
+        for symbol in SYMBOLS:
+            for size in sizes:
+                margin = Margin.of(trials, a, b, symbol, size)
+                text = "–" if margin is None else str(margin)
+                cells[f"{symbol}, {size:g} m"] = f"**{text}**" if margin and margin.better else text
         rows.append({"pair": f"`{a}` to `{b}`", **cells})
     return _markdown(pd.DataFrame(rows))
 
 
-def _margin(trials: pd.DataFrame, a: str, b: str, size: float, metric: str) -> str:
-    """(mean of a − mean of b) / mean of b with the interval of the paired difference."""
-    here = trials[trials["size"] == size]
-    own, other = (by_world(here[here["strategy"] == name], metric) for name in (a, b))
-    if not own or not other:
-        return "–"
-    estimate, mean = paired_difference(own, other), sum(other.values()) / len(other)
-    text = [f"{100 * value / mean:+.0f}".replace("-", "−") for value in (estimate.mean, estimate.low, estimate.high)]
-    return f"{text[0]} % [{text[1]}, {text[2]}]"
+def targets() -> str:
+    """The paper's margins beside ours."""
+    trials = _trials()
+    rows = []
+    for (a, b), wanted in TARGETS.items():
+        for (symbol, size), target in wanted.items():
+            margin = Margin.of(trials, a, b, symbol, size)
+            assert margin is not None, f"results/trials.csv has no trials of {a} and {b} at {size:g} m"
+            reached = margin.mean * math.copysign(1, target) >= abs(target)
+            rows.append(
+                {
+                    "pair": f"`{a}` to `{b}`",
+                    "metric": f"{symbol}, {size:g} m",
+                    "in the paper": f"{_sign(target)} %",
+                    "here": str(margin),
+                    "single training seeds": f"{_sign(min(margin.seeds))} to {_sign(max(margin.seeds))} %",
+                    "reached": "yes" if reached else "no",
+                }
+            )
+    return _markdown(pd.DataFrame(rows))
+
+
+def lead() -> str:
+    """How far our extension is ahead of every other strategy, and the one that comes closest to it."""
+    trials = _trials()
+    rows = []
+    for symbol in SYMBOLS:
+        for size in sorted(set(trials["size"])):
+            found = {b: Margin.of(trials, OURS, b, symbol, size) for a, b in PAIRS if a == OURS}
+            known = {b: margin for b, margin in found.items() if margin}
+            closest = min(known, key=lambda b: known[b].gain)
+            clear = sum(margin.better for margin in known.values())
+            rows.append(
+                {
+                    "metric": f"{symbol}, {size:g} m",
+                    "clearly better than": f"{clear} of {len(known)}",
+                    "the closest": f"`{closest}`",
+                    "to it": str(known[closest]),
+                }
+            )
+    return _markdown(pd.DataFrame(rows))
+
+
+@dataclass(frozen=True)
+class Margin:
+    """(Mean of A − mean of B) / mean of B, paired by world [%].
+
+    Attributes
+    ----------
+    mean, low, high : with the interval of the paired difference.
+    gain : lower end of what A gains over B.
+    seeds : for single training seeds of A.
+    """
+
+    mean: float
+    low: float
+    high: float
+    gain: float
+    seeds: tuple[float, ...]
+
+    @classmethod
+    def of(cls, trials: pd.DataFrame, a: str, b: str, symbol: str, size: float) -> Margin | None:
+        """None where one of them has no trials of this size."""
+        metric = SYMBOLS[symbol]
+        here = trials[trials["size"] == size]
+        own, other = (here[here["strategy"] == name] for name in (a, b))
+        if own.empty or other.empty:
+            return None
+        of_b = by_world(other, metric)
+        estimate, mean = paired_difference(by_world(own, metric), of_b), sum(of_b.values()) / len(of_b)
+        ends = [100 * value / mean for value in (estimate.mean, estimate.low, estimate.high)]
+        gain = ends[1] if METRICS[metric].better == "higher" else -ends[2]
+        return cls(*ends, gain, tuple(100 * (value / mean - 1) for value in seed_means(own, metric)))
+
+    @property
+    def better(self) -> bool:
+        """Whether A is better by an interval clear of zero."""
+        return self.gain > 0
+
+    def __str__(self) -> str:
+        return f"{_sign(self.mean)} % [{_sign(self.low)}, {_sign(self.high)}]"
+
+
+def _sign(value: float) -> str:
+    return f"{value:+.0f}".replace("-", "−")
+
+
+def _trials() -> pd.DataFrame:
+    return read_csv(ROOT / "results" / "trials.csv", ("strategy", "training_seed", "size", "trial", *SYMBOLS.values()))
 
 
 def regrets() -> str:
@@ -213,6 +302,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "columns": columns,
     "perf": performance,
     "weights": weights,
+    "targets": targets,
+    "lead": lead,
     "margins": margins,
     "regrets": regrets,
     "learning-causes": learning_causes,

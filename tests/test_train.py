@@ -211,6 +211,20 @@ def test_a_row_of_the_curve_by_hand():
     assert (log.episodes, log.decisions, log.steps) == (2, 4, 50)
 
 
+def test_a_row_of_the_curve_is_of_maps_of_the_own_size_alone():
+    """Its steps are all, its means those of the first and the third episode."""
+
+    def episode(number, steps, *score):
+        return SimpleNamespace(number=number, steps=steps, rewards=[1.0] * (number + 1), score=lambda _: score)
+
+    log, course = training.Log(), Course(SMALL, "train", 0, scales=(1.0, 1.2))
+    log.add([episode(0, 10, 10.0, 1.0, 0.5), episode(1, 50, 50.0, 9.0, 9.0)], 0.5, course)
+    log.add([episode(2, 40, 20.0, 2.0, 0.7)], 0.5, course)
+    first, second = log.curve
+    np.testing.assert_allclose(first[:7], [60, 2, 3, 1.0, 10.0, 1.0, 0.5])
+    np.testing.assert_allclose(second[:7], [100, 3, 6, 1.0, 20.0, 2.0, 0.7])
+
+
 def test_the_best_weights_of_all_validations_are_kept(tmp_path, monkeypatch):
     """The second of three is the best."""
     seen, scores = [], iter([(10.0, 1.0, 1.0), (10.0, 1.0, 0.5), (10.0, 1.0, 0.8)])

@@ -99,21 +99,25 @@ class Log:
     def add(self, episodes: list[Episode], loss: float, course: Course) -> None:
         """Take in the episodes of one gradient step."""
         for episode in episodes:
-            time_, efficiency, error = episode.score(course.scenario_of(episode.number))
             self.episodes += 1
             self.decisions += len(episode.rewards)
             self.steps += episode.steps
+            own = course.scenario_of(episode.number)
+            counts = own.size == course.scenario.size
             learned = math.isfinite(loss)
-            of_episode = (1, episode.steps, len(episode.rewards), sum(episode.rewards), time_, efficiency, error)
-            values = (*of_episode, loss if learned else 0.0, learned)
+            shown = (1, len(episode.rewards), sum(episode.rewards), *episode.score(own)) if counts else (0,) * 6
+            values = (episode.steps, *shown, loss if learned else 0.0, learned)
             self.pending = [a + b for a, b in zip(self.pending, values, strict=True)]
-        if self.pending[1] >= WINDOW:
+        if self.pending[0] >= WINDOW and self.pending[1]:
             self.curve.append(self.row())
             self.pending = [0.0] * 9
 
     def row(self) -> list[float]:
-        """CURVE_COLUMNS of what is pending: reward a decision; T, η, e and loss an episode."""
-        count, _, decisions, reward, *sums, loss, learned = self.pending
+        """CURVE_COLUMNS of what is pending: reward a decision; T, η, e and loss an episode.
+
+        Maps of other sizes than the course's own do not count, so that curves compare.
+        """
+        _, count, decisions, reward, *sums, loss, learned = self.pending
         means = [value / max(count, 1) for value in sums]
         mean_loss = loss / learned if learned else math.nan
         return [self.steps, self.episodes, self.decisions, reward / max(decisions, 1), *means, mean_loss]
