@@ -1,9 +1,12 @@
 """The candidate sets of `graph-stnn-plus`: kernels on grids drawn by hand, features of real observations recomputed."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import ndimage
 
 from baselines.learned import candidates as plus
@@ -60,6 +63,26 @@ def test_shapes_and_finite_numbers(seen):
         for array in (one.candidates, one.blocks, one.places, one.state):
             assert np.isfinite(array).all()
             assert np.abs(array).max() < 30, "of order one"
+
+
+@settings(max_examples=15)
+@given(data=st.data())
+def test_the_order_of_the_candidates_is_that_of_their_rows_and_of_nothing_else(seen, data):
+    observation = data.draw(st.sampled_from(seen))
+    count = len(observation.candidates)
+    order = np.array(data.draw(st.permutations(range(count))))
+    shuffled = dataclasses.replace(
+        observation,
+        candidates=observation.candidates[order],
+        positions=observation.positions[order],
+        paths=tuple(observation.paths[i] for i in order),
+        path_lengths=observation.path_lengths[order],
+    )
+    before, after = candidate_set(observation), candidate_set(shuffled)
+    np.testing.assert_array_equal(after.candidates, before.candidates[order])
+    np.testing.assert_array_equal(after.places, np.concatenate((before.places[:count][order], before.places[count:])))
+    np.testing.assert_array_equal(after.blocks, before.blocks)
+    np.testing.assert_array_equal(after.state, before.state)
 
 
 def test_paths_and_predictions(seen):

@@ -1,6 +1,7 @@
 """Weights and their cards: what is read is what was written, and whatever else is refused; the policy on top."""
 
 import errno
+import hashlib
 import json
 import pickle
 from pathlib import Path
@@ -136,7 +137,8 @@ def test_what_is_loaded_is_what_was_saved(kind, seen, tmp_path):
 def test_the_card_says_what_the_network_is_and_what_the_training_gave(saved):
     card = json.loads(saved.with_suffix(".json").read_text(encoding="utf-8"))
     assert card == read_card(saved) == load_weights(made("Graph-STNN", 1), saved)
-    assert card == {**describe(made("Graph-STNN")), **FACTS}
+    digest = hashlib.sha256(saved.read_bytes()).hexdigest()
+    assert card == {**describe(made("Graph-STNN")), "sha256": digest, **FACTS}
 
 
 def test_a_card_worked_by_hand():
@@ -311,19 +313,38 @@ def test_a_tensor_of_another_shape_is_refused(shape, saved):
     assert tuple(tensors["embed.weight"].shape) == (64, 5)
     save_tensors(saved, {**tensors, "embed.weight": torch.zeros(shape)})
     text = refusal(saved)
-    assert text.startswith(f"weights '{saved.name}' hold 'embed.weight' with shape {shape}, the network wants (64, 5);")
+    assert text.startswith(
+        f"weights '{saved.name}' hold 'embed.weight' as {shape} of float32, the network wants (64, 5) "
+    )
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float16, torch.int64, torch.complex64])
+def test_a_tensor_of_another_type_is_refused(dtype, saved):
+    tensors = load_tensors(saved)
+    save_tensors(saved, {**tensors, "embed.weight": tensors["embed.weight"].to(dtype)})
+    name = str(dtype).removeprefix("torch.")
+    assert f"'embed.weight' as (64, 5) of {name}, the network wants (64, 5) of float32;" in refusal(saved)
+
+
+def test_the_card_of_other_weights_of_the_same_network_is_refused(saved, tmp_path):
+    other = tmp_path / "other.safetensors"
+    save_weights(made("Graph-STNN", 1), other, FACTS)
+    other.replace(saved)
+    assert refusal(saved).startswith(
+        f"weights '{saved.name}' are not those of their card '{saved.stem}.json'; restore "
+    )
 
 
 def test_a_tensor_too_many_is_refused(saved):
     save_tensors(saved, {**load_tensors(saved), "stray": torch.zeros(3)})
-    assert f"weights '{saved.name}' hold 'stray' with shape (3,), the network wants None;" in refusal(saved)
+    assert f"weights '{saved.name}' hold 'stray' as (3,) of float32, the network wants nothing;" in refusal(saved)
 
 
 def test_a_tensor_too_few_is_refused(saved):
     tensors = load_tensors(saved)
     del tensors["value.bias"]
     save_tensors(saved, tensors)
-    assert f"weights '{saved.name}' hold 'value.bias' with shape None, the network wants (1,);" in refusal(saved)
+    assert f"weights '{saved.name}' hold 'value.bias' as nothing, the network wants (1,) of float32;" in refusal(saved)
 
 
 # What cannot be written

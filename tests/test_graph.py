@@ -331,7 +331,7 @@ def test_columns_come_as_asked_for():
 
 
 @pytest.mark.parametrize("name", FEATURES)
-def test_a_column_is_its_values_in_multiples_of_the_scale(name):
+def test_a_column_has_a_meaning_and_a_finite_value_for_every_node(name):
     feature = FEATURES[name]
     assert feature.meaning.strip()
     assert feature.symbol.strip()
@@ -345,6 +345,14 @@ def test_the_columns_of_equation_4_and_of_chen_et_al():
     assert EQUATION_4 == ("distance", "bearing", "shannon", "renyi", "flag")
     assert CHEN_2020 == ("trace", "distance", "bearing", "occupancy", "flag")
     assert {*EQUATION_4, *CHEN_2020} <= FEATURES.keys()
+
+
+def test_a_path_length_is_that_of_the_planned_path_and_the_straight_distance_of_what_is_no_candidate():
+    observation = dataclasses.replace(WHOLE, path_lengths=WHOLE.path_lengths + [1.5, 20.0, 0.25][: len(CANDIDATES)])
+    found, straight = column(observation, "path_length"), column(observation, "distance")
+    np.testing.assert_allclose(found[-len(CANDIDATES) :], observation.path_lengths, rtol=1e-6)
+    np.testing.assert_array_equal(found[: -len(CANDIDATES)], straight[: -len(CANDIDATES)])
+    assert (found[-len(CANDIDATES) :] > straight[-len(CANDIDATES) :] + 0.2).all()
 
 
 def test_an_unknown_column_is_refused_with_the_nearest_name():

@@ -447,3 +447,10 @@ def test_the_value_of_the_state_ignores_padding_and_order():
 def test_the_text_head_is_refused_where_it_could_tell_no_candidates_apart():
     with pytest.raises(ValueError, match="spatial=True"):
         GraphSTNN(spatial=False, head="text")
+
+
+@pytest.mark.parametrize("switch", [{"layers": 0}, {"layers": 4}, {"head": "x"}, {"distance": "long"}])
+def test_an_unknown_switch_is_refused_with_those_that_there_are(switch):
+    ((key, value),) = switch.items()
+    with pytest.raises(ValueError, match=f"there is no {key} {value!r}; choose one of "):
+        GraphSTNN(**switch)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -33,12 +34,14 @@ def describe(network: nn.Module) -> dict[str, Any]:
 def save_weights(network: nn.Module, path: Path, facts: Mapping[str, Any]) -> None:
     """Write a network's weights to `path` and its card, `describe` and `facts`, beside it, each atomically.
 
+    The card holds the digest of the weights, so that a pair that does not belong together is refused.
+
     Raises
     ------
     RequestError : when the folder cannot be written, or the disk is full.
     """
     save_tensors(path, {name: tensor.detach() for name, tensor in network.state_dict().items()})
-    save_json(path.with_suffix(".json"), {**describe(network), **facts})
+    save_json(path.with_suffix(".json"), {**describe(network), "sha256": _digest(path), **facts})
 
 
 def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
@@ -46,7 +49,7 @@ def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
 
     Raises
     ------
-    RequestError : when the weights or their card are missing, damaged, or made for another network.
+    RequestError : when the weights or their card are missing, damaged, no pair, or made for another network.
     """
     path = Path(path)
     tensors = load_tensors(path)
@@ -57,18 +60,31 @@ def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
                 f"weights '{path.name}' were made for {key} {card.get(key)!r}, not {wanted!r}; "
                 "train them anew with 'explore-bench train'."
             )
-    expected = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
-    found = {name: tuple(tensor.shape) for name, tensor in tensors.items()}
+    expected = {name: _shape(tensor) for name, tensor in network.state_dict().items()}
+    found = {name: _shape(tensor) for name, tensor in tensors.items()}
     for name in sorted(expected.keys() | found.keys()):
         if expected.get(name) != found.get(name):
             raise RequestError(
-                f"weights '{path.name}' hold '{name}' with shape {found.get(name)}, the network wants "
-                f"{expected.get(name)}; train them anew with 'explore-bench train'."
+                f"weights '{path.name}' hold '{name}' as {found.get(name, 'nothing')}, the network wants "
+                f"{expected.get(name, 'nothing')}; train them anew with 'explore-bench train'."
             )
         if not tensors[name].isfinite().all():
             raise RequestError(f"weights '{path.name}' hold numbers in '{name}' that are not finite; train them anew.")
+    if card.get("sha256") != _digest(path):
+        raise RequestError(
+            f"weights '{path.name}' are not those of their card '{path.with_suffix('.json').name}'; restore both, or "
+            "train them anew with 'explore-bench train'."
+        )
     network.load_state_dict(tensors)
     return card
+
+
+def _shape(tensor: Tensor) -> str:
+    return f"{tuple(tensor.shape)} of {str(tensor.dtype).removeprefix('torch.')}"
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def read_card(path: Path) -> dict[str, Any]:

@@ -23,6 +23,9 @@ from explore_bench import Observation
 CHANNELS = 64
 TCN_LAYERS, TCN_KERNEL = 3, 3
 HEAD_CHANNELS = 64
+LAYERS = (1, 2, 3)
+HEADS = ("caption", "text")
+DISTANCES = ("straight", "path")
 
 
 class GraphSTNN(nn.Module):
@@ -36,6 +39,10 @@ class GraphSTNN(nn.Module):
     head : what the head sees of a candidate beside the state: its original and spatial features as in the caption
         of Fig. 3, or spatial and temporal ones as in the text of §3.3.3.
     distance : what d of Eq. 4 is for a candidate: the straight distance, or the length of the planned path.
+
+    Raises
+    ------
+    ValueError : for another number of layers, another head or distance, or a head that tells no candidates apart.
     """
 
     def __init__(
@@ -48,6 +55,10 @@ class GraphSTNN(nn.Module):
         distance: Literal["straight", "path"] = "straight",
     ) -> None:
         super().__init__()
+        switches = (("layers", layers, LAYERS), ("head", head, HEADS), ("distance", distance, DISTANCES))
+        for key, value, known in switches:
+            if value not in known:
+                raise ValueError(f"there is no {key} {value!r}; choose one of {', '.join(map(repr, known))}")
         self.columns = EQUATION_4_ALONG_PATHS if distance == "path" else EQUATION_4
         if head == "text" and not spatial:
             raise ValueError("head 'text' tells candidates apart by their spatial features alone; set spatial=True")

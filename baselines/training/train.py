@@ -39,7 +39,10 @@ VALIDATION_WORLDS = 64
 VALIDATE_EVERY = 500
 """Episodes between two validations."""
 
-SAVE_SECONDS = 30.0
+VALIDATION_COLUMNS = ("episodes", "objective", "time", "efficiency", "error")
+"""Means over the validation worlds after so many episodes: log e − log η, T, η and e."""
+
+SAVE_SECONDS = 15.0
 SAY_SECONDS = 10.0
 
 
@@ -83,7 +86,7 @@ class Log:
     episodes, decisions, steps, seconds : done so far.
     curve : rows of CURVE_COLUMNS, one for every WINDOW steps.
     pending : sums of the row that is not full yet.
-    validations : [episodes, objective, T, η, e] of each validation, the objective being the mean of log e − log η.
+    validations : VALIDATION_COLUMNS of each validation.
     resumed : after how many episodes it went on from a checkpoint.
     """
 
@@ -137,7 +140,10 @@ class Training:
         self.course = Course(scenario, "train", seed, self.recipe.reward, scales)
         self.validation = Course(PAPER, "validate", 0, scales=scales)
         torch.manual_seed(int(stream("train", seed, PAPER.size, 0, "strategy").integers(2**62)))
-        self.network = self.recipe.network(**entry.parameters)
+        try:
+            self.network = self.recipe.network(**entry.parameters)
+        except (TypeError, ValueError) as error:
+            raise RequestError(f"strategy '{name}' cannot be made ({describe_error(error)}).") from None
         self.learner = self.recipe.learner(self.network, self.course, self.recipe.settings)
         self.log = Log()
 
@@ -227,6 +233,7 @@ class Training:
     def write_curve(self) -> None:
         """Write the training curve and the validations beside the best weights."""
         write_csv(curve_path(self.best_path), tuple(CURVE_COLUMNS), self.log.curve)
+        write_csv(self.best_path.with_suffix(".validations.csv"), VALIDATION_COLUMNS, self.log.validations)
 
 
 def write_csv(path: Path, header: tuple[str, ...], rows: list[list[float]]) -> None:
@@ -268,9 +275,10 @@ def train(
 ) -> Path:
     """Train a strategy with one seed and return the path of its best weights.
 
-    The best weights by validation, their card and the curve are `NAME-SEED.safetensors`, `.json` and `.curve.csv` in
-    `out`; `NAME-SEED.last` is the checkpoint from which `resume` goes on, written every 30 s. Worlds come from the
-    streams `train` (root: the seed) and `validate`, never from those of the benchmark.
+    The best weights by validation, their card, the curve and the validations are `NAME-SEED.safetensors`, `.json`,
+    `.curve.csv` and `.validations.csv` in `out`; `NAME-SEED.last` is the checkpoint from which `resume` goes on,
+    written every 15 s or so. Worlds come from the streams `train` (root: the seed) and `validate`, never from those of
+    the benchmark.
 
     Raises
     ------
@@ -299,9 +307,10 @@ def train(
         try:
             played, loss = run.learner.improve(numbers)
         except DivergedError as error:
+            best = f"the best weights so far are in '{run.best_path}'"
+            kept = best if run.log.validations else "there are no weights yet"
             raise RequestError(
-                f"training of '{name}' diverged at episode {numbers[0]} ({error}); the best weights so far are "
-                "kept, try another --seed."
+                f"training of '{name}' diverged at episode {numbers[0]} ({error}); {kept}, try another --seed."
             ) from None
         run.log.add(played, loss, run.course)
         now = time.perf_counter()

@@ -35,7 +35,7 @@ def train(name: str, seed: int, episodes: int | None, resume: bool, out: Path) -
     try:
         path = load_factory(entry.trainer)(name, entry, seed, episodes, resume, out, click.echo)
     except KeyboardInterrupt:
-        click.echo("explore-bench: interrupted; add --resume to go on, at most 30 s are lost.", err=True)
+        click.echo("explore-bench: interrupted; add --resume to go on, less than a minute is lost.", err=True)
         return INTERRUPTED
     click.echo(f"best weights: {path}")
     return DONE
