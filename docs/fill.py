@@ -22,6 +22,7 @@ import pandas as pd
 from explore_bench.metrics import METRICS
 from explore_bench.perf import Part, Perf, text
 from explore_bench.registry import strategies
+from explore_bench.report.tables import signed_text
 from explore_bench.results import by_world, read_csv, seed_means
 from explore_bench.scenario import PAPER
 from explore_bench.statistics import paired_difference
@@ -35,6 +36,8 @@ PAGES = (
     *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "learning", "performance", "protocol", "records")),
 )
 PAGES = (*PAGES, "docs/uncertainty-weight.md")
+VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
+"""Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
 OURS = "graph-stnn-plus"
 SYMBOLS = {"e": "trajectory_error", "η": "exploration_efficiency"}
 PAIRS = (
@@ -44,6 +47,8 @@ PAIRS = (
     ("graph-stnn-path", "uncertainty"),
     ("gcn-obs", "gcn-no-obs"),
     ("gcn-obs", "gcn-obs-blind"),
+    ("graph-stnn", "graph-stnn-1-layer"),
+    ("graph-stnn", "graph-stnn-3-layers"),
     *(("graph-stnn", name) for name, entry in strategies().items() if entry.tables == ("table3",)),
     *((OURS, name) for name, entry in strategies().items() if not entry.reference and name != OURS),
 )
@@ -160,6 +165,27 @@ def _throughput(cards: list[dict]) -> str:
     )
 
 
+def validations() -> str:
+    """Mean over the training seeds of log e − log η on the validation worlds, after about so many episodes."""
+    rows = []
+    for name in strategies():
+        files = (path for path in WEIGHTS.iterdir() if re.fullmatch(rf"{name}-\d+\.validations\.csv", path.name))
+        own = [pd.read_csv(path) for path in files]
+        if own:
+            rows.append(
+                {"strategy": f"`{name}`", "seeds": len(own)} | {f"{at:,}": _validated(own, at) for at in VALIDATED}
+            )
+    return _markdown(pd.DataFrame(rows))
+
+
+def _validated(tables: list[pd.DataFrame], episodes: int) -> str:
+    """Mean of the objective at the validation nearest to a number of episodes; a dash where there is none near."""
+    nearest = [table.iloc[(table["episodes"] - episodes).abs().argmin()] for table in tables]
+    if any(abs(row["episodes"] - episodes) > NEAR for row in nearest):
+        return "–"
+    return signed_text(sum(row["objective"] for row in nearest) / len(nearest), 2)
+
+
 def learning_causes() -> str:
     """Settings of Graph-STNN's learning and what they led to."""
     return _markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
@@ -194,9 +220,9 @@ def targets() -> str:
                 {
                     "pair": f"`{a}` to `{b}`",
                     "metric": f"{symbol}, {size:g} m",
-                    "in the paper": f"{_sign(target)} %",
+                    "in the paper": f"{signed_text(target)} %",
                     "here": str(margin),
-                    "single training seeds": f"{_sign(min(margin.seeds))} to {_sign(max(margin.seeds))} %",
+                    "single training seeds": f"{signed_text(min(margin.seeds))} to {signed_text(max(margin.seeds))} %",
                     "reached": "yes" if reached else "no",
                 }
             )
@@ -261,11 +287,7 @@ class Margin:
         return self.gain > 0
 
     def __str__(self) -> str:
-        return f"{_sign(self.mean)} % [{_sign(self.low)}, {_sign(self.high)}]"
-
-
-def _sign(value: float) -> str:
-    return f"{value:+.0f}".replace("-", "−")
+        return f"{signed_text(self.mean)} % [{signed_text(self.low)}, {signed_text(self.high)}]"
 
 
 def _trials() -> pd.DataFrame:
@@ -302,6 +324,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "columns": columns,
     "perf": performance,
     "weights": weights,
+    "validations": validations,
     "targets": targets,
     "lead": lead,
     "margins": margins,

@@ -255,12 +255,19 @@ def test_a_training_is_reproducible(tmp_path):
     assert not same(one, load_file(tmp_path / "other" / "graph-stnn-2.safetensors"))
 
 
-def test_progress_is_said_now_and_then(tmp_path, monkeypatch):
+@each_learner
+def test_progress_is_said_now_and_then(tmp_path, monkeypatch, name):
+    """Means over the episodes of the row of the curve that is not full yet, here all of them."""
     monkeypatch.setattr(training, "SAY_SECONDS", 0.0)
-    said = train(tmp_path)
+    monkeypatch.setattr(training, "WINDOW", 10**6)
+    said = train(tmp_path, name)
     lines = [line for line in said if "min left" in line]
     assert [f"episode {count}," in line for count, line in zip((2, 4, 6, 8), lines, strict=True)] == [True] * 4
-    assert all("noise σ" in line and "steps/s" in line for line in lines)
+    exploration = {"graph-stnn": "noise σ", "gcn-obs": "dropout", "graph-stnn-plus": "entropy"}[name]
+    assert all(exploration in line and "steps/s" in line for line in lines)
+    _, count, decisions, reward, time, efficiency, error, *_ = log_of(tmp_path, name)["pending"]
+    means = f"reward {reward / decisions:.3f}, T {time / count:.0f}, η {efficiency / count:.3f}, e {error / count:.3f}"
+    assert f"{name} seed 0: episode 8, {means}, " in lines[-1]
 
 
 @pytest.mark.parametrize("name", LEARNED)
