@@ -584,7 +584,11 @@ def test_ctrl_c_on_a_terminal_reaches_all_workers_and_ends_the_run_quietly(tmp_p
     lines = "import time; time.sleep(0.05)\nreturn int(observation.path_lengths.argmin())"
     arguments = ["run", "smoke", "--scenario", str(tiny), "--results", str(tmp_path / "results"), "--workers", "2"]
     arguments += ["-s", write_plugin(tmp_path, lines), "--trials", "500"]
-    code = f"from explore_bench.cli import main; main({arguments!r})"
+    # where the tests themselves run in the background of a script, SIGINT is ignored, and that is inherited
+    code = f"""import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from explore_bench.cli import main
+main({arguments!r})"""
     process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
