@@ -201,8 +201,8 @@ def margins() -> str:
         for symbol in SYMBOLS:
             for size in sizes:
                 margin = Margin.of(trials, a, b, symbol, size)
-                text = "–" if margin is None else str(margin)
-                cells[f"{symbol}, {size:g} m"] = f"**{text}**" if margin and margin.better else text
+                cell = "–" if margin is None else str(margin)
+                cells[f"{symbol}, {size:g} m"] = f"**{cell}**" if margin and margin.better else cell
         rows.append({"pair": f"`{a}` to `{b}`", **cells})
     return _markdown(pd.DataFrame(rows))
 

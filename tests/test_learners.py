@@ -352,6 +352,8 @@ def test_the_rates_of_returns_fall_linearly(number, share):
 def test_the_rate_of_returns_falls_again_from_half_as_high_and_half_as_long(episode, rate):
     settings = ReturnsSettings(rate=1.0, final_rate=0.1, restart=0.5, decay=100)
     assert settings.rate_at(episode) == pytest.approx(rate)
+    once = dataclasses.replace(settings, restart=0.0)
+    assert once.rate_at(episode) == pytest.approx(rate if episode < 100 else 0.1)
 
 
 # Replay ([8])

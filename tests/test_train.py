@@ -326,7 +326,8 @@ def test_a_resumed_training_ends_with_the_same_weights(call, tmp_path, name):
     one, other = (load_state(tmp_path / folder / f"{name}-0.last")[0] for folder in ("through", "stopped"))
     assert same(one, other)
     assert log_of(tmp_path / "through", name) | {"resumed": [4]} == log_of(tmp_path / "stopped", name)
-    assert checkpoint.read_card(tmp_path / "stopped" / f"{name}-0.safetensors")["resumed"] in ([], [4])
+    card = checkpoint.read_card(tmp_path / "stopped" / f"{name}-0.safetensors")
+    assert card["resumed"] == ([4] if card["episodes"] > 4 else [])
     one, other = (load_file(tmp_path / folder / f"{name}-0.safetensors") for folder in ("through", "stopped"))
     assert same(one, other)
     one, other = ((tmp_path / folder / f"{name}-0.curve.csv").read_text() for folder in ("through", "stopped"))
@@ -663,7 +664,7 @@ def test_a_training_that_diverges_at_once_says_that_there_are_no_weights(refused
 
 @pytest.mark.slow
 def test_300_episodes_show_learning(tmp_path, monkeypatch):
-    """On maps of 20 m, against the network as it begins; the best rule without learning has −1.1, `random` +0.3."""
+    """On maps of 20 m, against the network as it begins; the best rule on Eq. 4 without learning has −1.07."""
     monkeypatch.undo()
     run = training.Training("graph-stnn", STRATEGIES["graph-stnn"], 0, tmp_path / "before")
     run.validate()

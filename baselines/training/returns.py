@@ -54,7 +54,7 @@ class ReturnsSettings:
             begin += length
             height, length = height * self.restart, length * self.restart
         height = max(height, self.final_rate)
-        progress = min((episode - begin) / length, 1.0)
+        progress = min((episode - begin) / length, 1.0) if length else 1.0
         return height + progress * (self.final_rate - height)
 
 

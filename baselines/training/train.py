@@ -118,7 +118,8 @@ class Log:
     def row(self) -> list[float]:
         """CURVE_COLUMNS of what is pending: reward a decision; T, η, e and loss an episode.
 
-        Maps of other sizes than the course's own do not count, so that curves compare.
+        Maps of other sizes than the course's own do not count in the means of reward, T, η and e, so that curves
+        compare.
         """
         _, count, decisions, reward, *sums, loss, learned = self.pending
         means = [value / max(count, 1) for value in sums]
@@ -296,7 +297,7 @@ def train(
         )
     if resumed:
         say(f"{name}, seed {seed}: going on after {run.log.episodes} episodes")
-        if run.log.episodes < wanted:
+        if run.log.episodes < wanted and run.log.episodes not in run.log.resumed:
             run.log.resumed.append(run.log.episodes)
     run.save()
     begin = saved = said = time.perf_counter()
@@ -335,7 +336,7 @@ def train(
 
 def _progress_line(run: Training, left: float) -> str:
     log = run.log
-    row = log.row() if log.pending[0] else log.curve[-1]
+    row = log.row() if log.pending[1] or not log.curve else log.curve[-1]
     _, _, _, reward, time_, efficiency, error, _ = row
     return (
         f"{run.name} seed {run.seed}: episode {log.episodes}, reward {reward:.3f}, T {time_:.0f}, η {efficiency:.3f}, "
