@@ -9,6 +9,7 @@ is 1 where a page is out of date.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import re
@@ -52,11 +53,8 @@ PAIRS = (
     *(("graph-stnn", name) for name, entry in strategies().items() if entry.tables == ("table3",)),
     *((OURS, name) for name, entry in strategies().items() if not entry.reference and name != OURS),
 )
-TARGETS = {
-    ("graph-stnn", "uncertainty"): {("e", 20.0): -29, ("e", 40.0): -16, ("η", 20.0): 46, ("η", 40.0): 32},
-    ("graph-stnn", "gcn-obs"): {("e", 20.0): -9, ("e", 40.0): -14, ("η", 20.0): 10, ("η", 40.0): 37},
-}
-"""The margins of the paper's Table 2 [%]."""
+TARGETS = (("graph-stnn", "uncertainty"), ("graph-stnn", "gcn-obs"))
+"""Pairs whose margins in the paper's Table 2 stand beside ours."""
 CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
 
 
@@ -211,11 +209,13 @@ def targets() -> str:
     """The paper's margins beside ours."""
     trials = _trials()
     rows = []
-    for (a, b), wanted in TARGETS.items():
-        for (symbol, size), target in wanted.items():
+    for a, b in TARGETS:
+        own, other = (strategies()[name].published for name in (a, b))
+        for symbol, size in itertools.product(SYMBOLS, (20.0, 40.0)):
+            key = ("table2", size, SYMBOLS[symbol])
+            target = 100 * (own[key] / other[key] - 1)
             margin = Margin.of(trials, a, b, symbol, size)
             assert margin is not None, f"results/trials.csv has no trials of {a} and {b} at {size:g} m"
-            reached = margin.mean * math.copysign(1, target) >= abs(target)
             rows.append(
                 {
                     "pair": f"`{a}` to `{b}`",
@@ -223,7 +223,7 @@ def targets() -> str:
                     "in the paper": f"{signed_text(target)} %",
                     "here": str(margin),
                     "single training seeds": f"{signed_text(min(margin.seeds))} to {signed_text(max(margin.seeds))} %",
-                    "reached": "yes" if reached else "no",
+                    "reached": "yes" if margin.mean / target >= 1 else "no",
                 }
             )
     return _markdown(pd.DataFrame(rows))

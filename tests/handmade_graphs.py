@@ -1,5 +1,7 @@
 """Random exploration graphs and candidate sets that tests of networks and learners share; nothing here is a test."""
 
+import dataclasses
+
 import numpy as np
 
 from baselines.learned.candidates import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateSet
@@ -25,6 +27,17 @@ def random_set(rng, candidates=None, blocks=None):
     more = int(rng.integers(1, 6)) if blocks is None else blocks
     shapes = (count, len(CANDIDATE_COLUMNS)), (more, len(BLOCK_COLUMNS)), (count + more, 2), (len(STATE_COLUMNS),)
     return CandidateSet(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
+
+
+def reordered_observation(observation, order):
+    """Return the observation with its candidates in another order."""
+    return dataclasses.replace(
+        observation,
+        candidates=observation.candidates[order],
+        positions=observation.positions[order],
+        paths=tuple(observation.paths[i] for i in order),
+        path_lengths=observation.path_lengths[order],
+    )
 
 
 def reordered_set(one, order):

@@ -1,10 +1,10 @@
 """The candidate sets of `graph-stnn-plus`: kernels on grids drawn by hand, features of real observations recomputed."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
+from handmade_graphs import reordered_observation
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
@@ -71,13 +71,7 @@ def test_the_order_of_the_candidates_is_that_of_their_rows_and_of_nothing_else(s
     observation = data.draw(st.sampled_from(seen))
     count = len(observation.candidates)
     order = np.array(data.draw(st.permutations(range(count))))
-    shuffled = dataclasses.replace(
-        observation,
-        candidates=observation.candidates[order],
-        positions=observation.positions[order],
-        paths=tuple(observation.paths[i] for i in order),
-        path_lengths=observation.path_lengths[order],
-    )
+    shuffled = reordered_observation(observation, order)
     before, after = candidate_set(observation), candidate_set(shuffled)
     np.testing.assert_array_equal(after.candidates, before.candidates[order])
     np.testing.assert_array_equal(after.places, np.concatenate((before.places[:count][order], before.places[count:])))

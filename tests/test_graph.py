@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pytest
+from handmade_graphs import reordered_observation
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -573,13 +574,7 @@ def test_the_order_of_the_candidates_is_that_of_their_rows_and_of_nothing_else(r
     observation = data.draw(st.sampled_from(real))
     weighted = data.draw(st.booleans())
     order = np.array(data.draw(st.permutations(range(len(observation.candidates)))))
-    shuffled = dataclasses.replace(
-        observation,
-        candidates=observation.candidates[order],
-        positions=observation.positions[order],
-        paths=tuple(observation.paths[i] for i in order),
-        path_lengths=observation.path_lengths[order],
-    )
+    shuffled = reordered_observation(observation, order)
     before = graph(observation, list(FEATURES), weighted=weighted)
     after = graph(shuffled, list(FEATURES), weighted=weighted)
     others = len(before.features) - before.candidates
