@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from explore_bench import Observation, World
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, cell_of, centres, wrap_angle
-from explore_bench.planning.astar import search, trace
-from explore_bench.planning.frontier import frontier_cells
-from explore_bench.scenario import Scenario
+from explore_bench.robot.planning.astar import search, trace
+from explore_bench.robot.planning.candidates import frontier_cells
+from explore_bench.world.scenario import Scenario
 
 BEAM = 24
 """Plans kept at each depth; docs/clairvoyant.md shows what wider beams gain."""

@@ -11,8 +11,9 @@ import numpy as np
 
 from explore_bench import Observation, RequestError
 from explore_bench.geometry import Array, centres
-from explore_bench.scenario import Scenario
-from explore_bench.slam import predict, renyi_entropy, shannon_entropy
+from explore_bench.robot.landmark.prediction import predict
+from explore_bench.robot.occupancy import renyi_entropy, shannon_entropy
+from explore_bench.world.scenario import Scenario
 
 
 class Entropy:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from explore_bench import Observation
-from explore_bench.slam import predict
+from explore_bench.robot.landmark.prediction import predict
 
 WEIGHT = 1.6
 """w [m² per m of path], tuned on calibration worlds: docs/uncertainty-weight.md."""

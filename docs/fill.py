@@ -20,14 +20,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from explore_bench.metrics import METRICS
-from explore_bench.perf import Part, Perf, text
-from explore_bench.registry import strategies
+from explore_bench.analysis.csv_files import read_csv
+from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.statistics import paired_difference
+from explore_bench.analysis.tables import by_world, seed_means
 from explore_bench.report.tables import signed_text
-from explore_bench.results import by_world, read_csv, seed_means
-from explore_bench.scenario import PAPER
-from explore_bench.statistics import paired_difference
-from explore_bench.steps import FINAL_COLUMNS, REPLAY_COLUMNS, STEP_COLUMNS
+from explore_bench.runs.perf import Part, Perf, text
+from explore_bench.strategies.registry import strategies
+from explore_bench.trial.snapshot import REPLAY_COLUMNS
+from explore_bench.trial.steps import FINAL_COLUMNS, STEP_COLUMNS
+from explore_bench.world.scenario import PAPER
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"

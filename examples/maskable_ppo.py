@@ -7,7 +7,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 
 from explore_bench import Observation, RequestError
-from explore_bench.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
+from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
 
 COLUMNS = {"candidates": " ".join(CANDIDATE_COLUMNS), "state": " ".join(STATE_COLUMNS)}
 """What the network reads, kept beside its weights."""

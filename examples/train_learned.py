@@ -16,9 +16,9 @@ from learned import Network, features
 from safetensors.torch import save_file
 
 from explore_bench import Scenario, rollout
-from explore_bench.seeding import stream
-from explore_bench.simulator.world import draw_world
-from explore_bench.steps import Step
+from explore_bench.trial.seeding import stream
+from explore_bench.trial.steps import Step
+from explore_bench.world.landmark.world import draw_world
 
 BATCH = 8
 RATE = 0.02

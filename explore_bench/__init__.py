@@ -11,27 +11,29 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from explore_bench.errors import RequestError
-    from explore_bench.runner import run
-    from explore_bench.scenario import Scenario
-    from explore_bench.scenario_file import load_scenario
-    from explore_bench.simulator.world import World
-    from explore_bench.spec import TrialSpec
-    from explore_bench.strategy import Entry, Observation, Reference, Strategy
-    from explore_bench.trial import rollout, run_trial
+    from explore_bench.runs.runner import run
+    from explore_bench.strategies.contract import Observation, Reference, Strategy
+    from explore_bench.strategies.entry import Entry
+    from explore_bench.trial.rollout import rollout
+    from explore_bench.trial.run import run_trial
+    from explore_bench.trial.spec import TrialSpec
+    from explore_bench.world.landmark.world import World
+    from explore_bench.world.scenario import Scenario
+    from explore_bench.world.scenario_file import load_scenario
 
 _HOME = {
-    "Entry": "strategy",
-    "Observation": "strategy",
-    "Reference": "strategy",
+    "Entry": "strategies.entry",
+    "Observation": "strategies.contract",
+    "Reference": "strategies.contract",
     "RequestError": "errors",
-    "Scenario": "scenario",
-    "Strategy": "strategy",
-    "TrialSpec": "spec",
-    "World": "simulator.world",
-    "load_scenario": "scenario_file",
-    "rollout": "trial",
-    "run": "runner",
-    "run_trial": "trial",
+    "Scenario": "world.scenario",
+    "Strategy": "strategies.contract",
+    "TrialSpec": "trial.spec",
+    "World": "world.landmark.world",
+    "load_scenario": "world.scenario_file",
+    "rollout": "trial.rollout",
+    "run": "runs.runner",
+    "run_trial": "trial.run",
 }
 
 __all__ = [

@@ -28,3 +28,12 @@ def unknown(kind: str, name: str, known: Iterable[str]) -> RequestError:
     near = difflib.get_close_matches(name, names, n=1)
     fix = f"did you mean '{near[0]}'?" if near else f"choose one of {', '.join(names)}."
     return RequestError(f"{kind} '{name}' is unknown; {fix}")
+
+
+def describe(error: BaseException) -> str:
+    """Return an exception as one line: its type and its first line that is not empty."""
+    try:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    except Exception:
+        lines = []
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

@@ -1,7 +1,7 @@
 """The benchmark as Gymnasium environments; importing this module registers their ids (docs/gymnasium.md).
 
 One action is one decision: the candidate to which the robot drives. The simulation is `rollout`, the reward Eq. 24, the
-observation `explore_bench.features`, and the worlds are those of the streams `train`: no world of the evaluation.
+observation `explore_bench.trial.features`, and the worlds are those of the streams `train`: no world of the evaluation.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.decision_process import Course, DecisionProcess
 from explore_bench.errors import RequestError, unknown
-from explore_bench.features import CANDIDATE_COLUMNS, STATE_COLUMNS, Features, candidate_limit, features
-from explore_bench.reward import WEIGHTS, RewardWeights
-from explore_bench.scenario import Scenario
-from explore_bench.scenario_file import load_scenario
-from explore_bench.slam.belief import Belief
-from explore_bench.spec import Status
-from explore_bench.steps import STEP_COLUMNS, take_snapshot
-from explore_bench.strategy import Observation
-from explore_bench.suites import MAX_ROOT
+from explore_bench.robot.belief import Belief
+from explore_bench.runs.suites import MAX_ROOT
+from explore_bench.strategies.contract import Observation
+from explore_bench.trial.decision_process import Course, DecisionProcess
+from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, Features, candidate_limit, features
+from explore_bench.trial.reward import WEIGHTS, RewardWeights
+from explore_bench.trial.snapshot import take_snapshot
+from explore_bench.trial.spec import Status
+from explore_bench.trial.steps import STEP_COLUMNS
+from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenario_file import load_scenario
 
 try:
     import gymnasium

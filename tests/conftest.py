@@ -15,10 +15,10 @@ import pytest
 from handmade import TINY, random_weights, tiny_plan
 from hypothesis import settings
 
-from explore_bench.records import Store
-from explore_bench.registry import strategies
-from explore_bench.spec import TrialSpec
-from explore_bench.trial import TrialResult, run_trial
+from explore_bench.records.store import Store
+from explore_bench.strategies.registry import strategies
+from explore_bench.trial.run import TrialResult, run_trial
+from explore_bench.trial.spec import TrialSpec
 
 settings.register_profile("explore-bench", deadline=None)
 settings.load_profile("explore-bench")
@@ -106,7 +106,7 @@ def trained(monkeypatch, tmp_path):
 @pytest.fixture
 def fresh_digests():
     """Forget the digests of code before and after a test that edits it."""
-    from explore_bench import provenance
+    from explore_bench.records import provenance
 
     cached = [f for f in vars(provenance).values() if hasattr(f, "cache_clear")]
 

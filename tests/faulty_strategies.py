@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from explore_bench.simulator.world import World
+from explore_bench.world.landmark.world import World
 
 
 class Sound:
@@ -233,8 +233,8 @@ class PeeksAtTheSpecification(Sound):
     """The true map is drawn again from the streams that the trial's specification names."""
 
     def choose(self, observation):
-        from explore_bench.simulator.world import draw_world
-        from explore_bench.spec import TrialSpec
+        from explore_bench.trial.spec import TrialSpec
+        from explore_bench.world.landmark.world import draw_world
 
         frame = sys._getframe(1)
         while frame is not None:

@@ -9,12 +9,12 @@ import textwrap
 import numpy as np
 import pandas as pd
 
-from explore_bench.records import TrialRecord
-from explore_bench.scenario import Scenario
-from explore_bench.simulator.world import World
-from explore_bench.spec import Status, TrialSpec
-from explore_bench.steps import FINAL_COLUMNS, STEP_COLUMNS
-from explore_bench.suites import plan
+from explore_bench.records.shard import TrialRecord
+from explore_bench.runs.suites import plan
+from explore_bench.trial.spec import Status, TrialSpec
+from explore_bench.trial.steps import FINAL_COLUMNS, STEP_COLUMNS
+from explore_bench.world.landmark.world import World
+from explore_bench.world.scenario import Scenario
 
 TINY = Scenario(size=12.0, landmark_count=1, obstacle_count=2, coverage=0.8)
 """Explored in some 25 steps and 3 decisions."""

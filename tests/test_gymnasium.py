@@ -10,12 +10,12 @@ import pytest
 from handmade import TINY
 
 from baselines.training.episodes import play
-from explore_bench.decision_process import Course
 from explore_bench.errors import RequestError
-from explore_bench.features import features
-from explore_bench.reward import WEIGHTS, RewardWeights
-from explore_bench.scenario import PAPER, Scenario
-from explore_bench.simulator.world import draw_world
+from explore_bench.trial.decision_process import Course
+from explore_bench.trial.features import features
+from explore_bench.trial.reward import WEIGHTS, RewardWeights
+from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.scenario import PAPER, Scenario
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is missing: install the extra 'gym'")
 

@@ -1,7 +1,7 @@
 """What `graph-stnn-plus` sees of an observation: each candidate and the state, in numbers that matter for e and η.
 
 Beside what the exploration graph tells of a frontier this says how long the way there is, what it would reveal, how
-large the unknown region behind it is, and what the belief would become: `explore_bench.slam.predict` along the path.
+large the unknown region behind it is, and what the belief would become: `explore_bench.robot.landmark.prediction.predict` along the path.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from baselines.learned.graph import sum_in_range
 from explore_bench import Observation
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, cells_in_reach, wrap_angle
-from explore_bench.slam import predict
+from explore_bench.robot.landmark.prediction import predict
 
 CANDIDATE_COLUMNS = (
     "length",  # of the path [10 m]

@@ -16,8 +16,7 @@ from explore_bench import Observation
 from explore_bench.compiled import jit
 from explore_bench.errors import unknown
 from explore_bench.geometry import Array, cell_of, cells_in_reach, centres
-from explore_bench.slam import renyi_entropy, shannon_entropy
-from explore_bench.slam.occupancy import OCCUPIED_ABOVE
+from explore_bench.robot.occupancy import OCCUPIED_ABOVE, renyi_entropy, shannon_entropy
 
 FRONTIER, LANDMARK, CURRENT, TRAJECTORY, OBSTACLE = 2, 1, 0, -1, -2
 """Flags ϕ of Table 1."""

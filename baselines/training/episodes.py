@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from explore_bench import Observation, Scenario
-from explore_bench.decision_process import Course, DecisionProcess
-from explore_bench.spec import Status
-from explore_bench.steps import Step
+from explore_bench.trial.decision_process import Course, DecisionProcess
+from explore_bench.trial.spec import Status
+from explore_bench.trial.steps import Step
 
 Act = Callable[[list[int], list[Observation]], Sequence[int]]
 """Told which episodes wait for a decision and what they see, it answers with a choice for each."""

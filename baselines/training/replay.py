@@ -17,7 +17,7 @@ from baselines.learned.graph import ExplorationGraph
 from baselines.training.episodes import Episode, play
 from baselines.training.learner import descend, optimizer_tensors, part, restore_optimizer, set_rate, with_prefix
 from explore_bench import Observation
-from explore_bench.decision_process import Course
+from explore_bench.trial.decision_process import Course
 
 
 @dataclass(frozen=True)

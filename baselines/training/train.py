@@ -25,15 +25,15 @@ from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGrad
 from baselines.training.replay import ReplayLearner, ReplaySettings
 from baselines.training.returns import ReturnsLearner, ReturnsSettings
 from explore_bench import Entry, Observation, RequestError
-from explore_bench.decision_process import Course
+from explore_bench.analysis.training_curve import CURVE_COLUMNS, WINDOW, curve_path
+from explore_bench.errors import describe as describe_error
 from explore_bench.errors import writing
-from explore_bench.provenance import installed_version, scenario_digest
-from explore_bench.reward import WEIGHTS, RewardWeights
-from explore_bench.scenario import PAPER
-from explore_bench.seeding import stream
-from explore_bench.strategy import describe as describe_error
-from explore_bench.strategy import parse_factory
-from explore_bench.training_curve import CURVE_COLUMNS, WINDOW, curve_path
+from explore_bench.records.provenance import installed_version, scenario_digest
+from explore_bench.strategies.entry import parse_factory
+from explore_bench.trial.decision_process import Course
+from explore_bench.trial.reward import WEIGHTS, RewardWeights
+from explore_bench.trial.seeding import stream
+from explore_bench.world.scenario import PAPER
 
 VALIDATION_WORLDS = 64
 VALIDATE_EVERY = 500

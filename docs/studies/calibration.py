@@ -22,12 +22,12 @@ import numpy as np
 import pandas as pd
 from scipy import ndimage
 
-from explore_bench.metrics import exploration_efficiency, trajectory_error
-from explore_bench.records import Store, missing
-from explore_bench.registry import strategies
-from explore_bench.runner import default_workers, execute
-from explore_bench.scenario import PAPER, Scenario
-from explore_bench.suites import plan
+from explore_bench.analysis.metrics import exploration_efficiency, trajectory_error
+from explore_bench.records.store import Store, missing
+from explore_bench.runs.runner import default_workers, execute
+from explore_bench.runs.suites import plan
+from explore_bench.strategies.registry import strategies
+from explore_bench.world.scenario import PAPER, Scenario
 
 STRATEGIES = ("random", "entropy", "uncertainty")
 PARAMETERS = {"uncertainty": {"weight": 0.0}}  # its weight is tuned afterwards, on the physics found here

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from explore_bench.metrics import score
-from explore_bench.records import Store, missing
-from explore_bench.runner import default_workers, execute
-from explore_bench.statistics import mean_interval
-from explore_bench.suites import plan
+from explore_bench.analysis.metrics import score
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.records.store import Store, missing
+from explore_bench.runs.runner import default_workers, execute
+from explore_bench.runs.suites import plan
 
 BEAMS = (8, 24, 72)
 METRES_PER_CELL = (0.4, 0.6, 0.8, 1.0)

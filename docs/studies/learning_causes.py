@@ -34,12 +34,12 @@ from baselines.training.episodes import Episode, play
 from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGradientSettings
 from baselines.training.returns import ReturnsLearner, ReturnsSettings
 from explore_bench import Observation
-from explore_bench.decision_process import Course
-from explore_bench.registry import strategies
-from explore_bench.reward import RewardWeights
-from explore_bench.scenario import PAPER
-from explore_bench.strategy import make_strategy, parse_factory
-from explore_bench.weights import weights_file
+from explore_bench.strategies.entry import parse_factory, weights_file
+from explore_bench.strategies.loading import make_strategy
+from explore_bench.strategies.registry import strategies
+from explore_bench.trial.decision_process import Course
+from explore_bench.trial.reward import RewardWeights
+from explore_bench.world.scenario import PAPER
 
 EPISODES = 3000
 WORLDS = {20.0: 100, 40.0: 16}

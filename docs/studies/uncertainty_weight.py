@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from explore_bench.metrics import exploration_efficiency, score, trajectory_error
-from explore_bench.records import Store, missing
-from explore_bench.runner import default_workers, execute
-from explore_bench.statistics import mean_interval
-from explore_bench.suites import plan
+from explore_bench.analysis.metrics import exploration_efficiency, score, trajectory_error
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.records.store import Store, missing
+from explore_bench.runs.runner import default_workers, execute
+from explore_bench.runs.suites import plan
 
 WEIGHTS = (0.0, 0.2, 0.4, 0.8, 1.6, 2.4, 3.2, 6.4, 12.8, 25.6)  # m² per m
 SIZES = (20.0, 30.0, 40.0)

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from explore_bench.scenario import PAPER
-from explore_bench.seeding import stream
-from explore_bench.simulator.world import draw_world
-from explore_bench.slam.virtual_map import VirtualMap
-from explore_bench.statistics import mean_interval
-from explore_bench.trial import rollout
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.robot.virtual_map import VirtualMap
+from explore_bench.trial.rollout import rollout
+from explore_bench.trial.seeding import stream
+from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.scenario import PAPER
 
 WORLDS = 20
 

@@ -15,7 +15,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from explore_bench.metrics import METRICS
+from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.statistics import Survival, interquartile_mean_interval, survival, win_tie_loss
+from explore_bench.analysis.tables import by_world
 from explore_bench.report.style import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import (
     PAPER_METRICS,
@@ -26,8 +28,6 @@ from explore_bench.report.tables import (
     interval_text,
     shown_name,
 )
-from explore_bench.results import by_world
-from explore_bench.statistics import Survival, interquartile_mean_interval, survival, win_tie_loss
 
 COVERAGES = {"t50": 0.5, "t80": 0.8, "t90": 0.9}
 COMPARED = "table2"

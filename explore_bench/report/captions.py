@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from explore_bench.analysis.statistics import CONFIDENCE
 from explore_bench.report.figures import CURVE_FIGURES
-from explore_bench.report.training import TRAINING_FIGURES
-from explore_bench.statistics import CONFIDENCE
+from explore_bench.report.pages.training import TRAINING_FIGURES
 
 _GROUPS = {
     "layers": "Graph-STNN with one, two and three layers of graph convolution",

@@ -11,14 +11,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from explore_bench.metrics import CURVES, curve, finished
-from explore_bench.records import Store, TrialRecord
-from explore_bench.registry import in_order, strategies
+from explore_bench.analysis.metrics import CURVES, curve, finished
+from explore_bench.analysis.statistics import CONFIDENCE
+from explore_bench.records.shard import TrialRecord
+from explore_bench.records.store import Store
 from explore_bench.report.scene import draw_scene, scene_legend, scene_of
 from explore_bench.report.style import entry_of, save_all, styled
 from explore_bench.report.tables import shown_name
-from explore_bench.seeding import stream
-from explore_bench.statistics import CONFIDENCE
+from explore_bench.strategies.registry import in_order, strategies
+from explore_bench.trial.seeding import stream
 
 CURVE_FIGURES = {
     "figure-08": ("layers", 20.0),

@@ -13,8 +13,8 @@ import jinja2
 import pandas as pd
 from markupsafe import Markup
 
-from explore_bench.records import Store, TrialRecord
-from explore_bench.registry import in_order
+from explore_bench.records.shard import TrialRecord
+from explore_bench.records.store import Store
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps
 from explore_bench.report.markup import column_attributes, dot, header_groups, row_scope
@@ -23,6 +23,7 @@ from explore_bench.report.player import player_data, player_legend
 from explore_bench.report.style import entry_of
 from explore_bench.report.tables import Table, shown_name
 from explore_bench.report.vector import inline, width_of
+from explore_bench.strategies.registry import in_order
 
 POINT = 96 / 72
 """CSS pixels in a point."""

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from explore_bench.provenance import LIBRARIES, code_digest, installed_version, scenario_digest, weights_digest
-from explore_bench.records import TrialRecord
+from explore_bench.records.provenance import LIBRARIES, code_digest, installed_version, scenario_digest, weights_digest
+from explore_bench.records.shard import TrialRecord
 from explore_bench.report.tables import Scope, Table, shown_name
-from explore_bench.spec import TrialSpec
-from explore_bench.steps import SCHEMA_VERSION
-from explore_bench.strategy import parse_factory
-from explore_bench.weights import weights_file
+from explore_bench.strategies.entry import parse_factory, weights_file
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.trial.steps import SCHEMA_VERSION
 
 SHOWN_DIGITS = 12
 """Hexadecimal digits shown of a digest."""

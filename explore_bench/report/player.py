@@ -8,8 +8,9 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from explore_bench.metrics import score
-from explore_bench.records import Store, TrialRecord
+from explore_bench.analysis.metrics import score
+from explore_bench.records.shard import TrialRecord
+from explore_bench.records.store import Store
 from explore_bench.report import scene
 from explore_bench.report.replays import choose_trials, packed
 from explore_bench.report.style import entry_of

@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from explore_bench.metrics import curve, exploration_efficiency
-from explore_bench.records import Replay, Store, TrialRecord
-from explore_bench.scenario import Scenario
-from explore_bench.steps import unpack_ellipses, unpack_map
+from explore_bench.analysis.metrics import curve, exploration_efficiency
+from explore_bench.records.shard import Replay, TrialRecord
+from explore_bench.records.store import Store
+from explore_bench.trial.snapshot import unpack_ellipses, unpack_map
+from explore_bench.world.scenario import Scenario
 
 EXAMPLE_TRIAL = 0
 """World of the common example: the first, not a chosen one."""

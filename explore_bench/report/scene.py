@@ -15,10 +15,10 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from explore_bench.geometry import centres
-from explore_bench.records import Replay, TrialRecord
-from explore_bench.scenario import Scenario
-from explore_bench.simulator.world import World
-from explore_bench.steps import Snapshot, unpack_ellipses, unpack_map
+from explore_bench.records.shard import Replay, TrialRecord
+from explore_bench.trial.snapshot import Snapshot, unpack_ellipses, unpack_map
+from explore_bench.world.landmark.world import World
+from explore_bench.world.scenario import Scenario
 
 UNKNOWN, FREE, OCCUPIED = "#d9d9d9", "#ffffff", "#707070"
 TRUE, ESTIMATE, ELLIPSE = "#000000", "#2ca02c", "#4878a8"

@@ -20,10 +20,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from explore_bench.errors import RequestError, writing
-from explore_bench.registry import entry_named
 from explore_bench.report.vector import slim
-from explore_bench.spec import TrialSpec
-from explore_bench.strategy import Entry
+from explore_bench.strategies.entry import Entry
+from explore_bench.strategies.registry import entry_named
+from explore_bench.trial.spec import TrialSpec
 
 SETTINGS: Any = {
     "axes.grid": True,

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from explore_bench.metrics import METRICS, REGRET, Metric
-from explore_bench.registry import in_order, strategies
+from explore_bench.analysis.metrics import METRICS, REGRET, Metric
+from explore_bench.analysis.statistics import Estimate, paired_difference
+from explore_bench.analysis.tables import by_world
 from explore_bench.report.style import entry_of
-from explore_bench.results import by_world
-from explore_bench.statistics import Estimate, paired_difference
+from explore_bench.strategies.registry import in_order, strategies
 
 PAPER_TABLES = {
     "table2": "Table 2. Trajectory error e and exploration efficiency η of the compared methods",

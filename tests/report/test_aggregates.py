@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from explore_bench.analysis.statistics import interquartile_mean_interval
 from explore_bench.report.aggregates import (
     aggregate_tables,
     coverage_survival,
@@ -13,7 +14,6 @@ from explore_bench.report.aggregates import (
     wins_table,
     write_survival_figures,
 )
-from explore_bench.statistics import interquartile_mean_interval
 
 LIMIT = 1000
 

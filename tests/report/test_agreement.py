@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from explore_bench.registry import strategies
+from explore_bench.analysis.tables import SUMMARY_COLUMNS
 from explore_bench.report.agreement import agreement_table, agreement_tables, constants_table, order_table
-from explore_bench.results import SUMMARY_COLUMNS
-from explore_bench.scenario import Scenario
+from explore_bench.strategies.registry import strategies
+from explore_bench.world.scenario import Scenario
 
 PAPER = {name: strategies()[name].published["table2", 20.0, "trajectory_error"] for name in ("entropy", "random")}
 

@@ -8,11 +8,11 @@ import time
 import pandas as pd
 import pytest
 
-from explore_bench.records import Store
+from explore_bench.records.store import Store
 from explore_bench.report.render import write_report
-from explore_bench.scenario import Scenario
-from explore_bench.suites import plan
-from explore_bench.trial import run_trial
+from explore_bench.runs.suites import plan
+from explore_bench.trial.run import run_trial
+from explore_bench.world.scenario import Scenario
 
 pytestmark = pytest.mark.slow
 

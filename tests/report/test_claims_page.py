@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from explore_bench.claims import Claim, Comparison, claims, examine
-from explore_bench.report.claims import (
+from explore_bench.analysis.claims import Claim, Comparison, claims, examine
+from explore_bench.analysis.training_curve import TRAINING_METRICS
+from explore_bench.report.pages.claims import (
     HEADER,
     claims_section,
     comparison_table,
@@ -16,7 +17,6 @@ from explore_bench.report.claims import (
     sentence,
     write_claims,
 )
-from explore_bench.training_curve import TRAINING_METRICS
 
 CLAIM = Claim("x", "Nearest beats random.", (Comparison("nearest", "random", "trajectory_error", 20.0),), False)
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 from explore_bench.errors import RequestError
 from explore_bench.report.demo import FRAMES_PER_SECOND, draw_trial
-from explore_bench.trial import run_trial
+from explore_bench.trial.run import run_trial
 
 SPEC = tiny_plan(["nearest"], trials=1)[0]
 
@@ -44,8 +44,8 @@ def test_the_same_picture_has_the_same_bytes_in_this_process_and_another(tmp_pat
     code = f"""
 from pathlib import Path
 from explore_bench.report.demo import draw_trial
-from explore_bench.scenario import Scenario
-from explore_bench.suites import plan
+from explore_bench.world.scenario import Scenario
+from explore_bench.runs.suites import plan
 scenario = Scenario(**{TINY.model_dump(exclude_unset=True)!r})
 draw_trial(plan("smoke", ["nearest"], trials=1, scenario=scenario).specs[0], Path({str(tmp_path / "c.svg")!r}))
 """

@@ -10,16 +10,16 @@ from handmade import write_plugin
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import to_hex
 
-from explore_bench.metrics import CURVES, curve
-from explore_bench.records import Store
-from explore_bench.registry import strategies
+from explore_bench.analysis.metrics import CURVES, curve
+from explore_bench.records.store import Store
 from explore_bench.report import figures, style
 from explore_bench.report.figures import CURVE_FIGURES, write_figures
 from explore_bench.report.render import write_report
 from explore_bench.report.style import entry_of, save, styled
-from explore_bench.scenario import Scenario
-from explore_bench.suites import plan
-from explore_bench.trial import run_trial
+from explore_bench.runs.suites import plan
+from explore_bench.strategies.registry import strategies
+from explore_bench.trial.run import run_trial
+from explore_bench.world.scenario import Scenario
 
 NAMES = ("random", "nearest", "clairvoyant")
 TRIALS = 2

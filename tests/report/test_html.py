@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from handmade import record, with_spec
 
-from explore_bench.records import Store
-from explore_bench.registry import strategies
+from explore_bench.analysis.tables import summary_table, trial_table
+from explore_bench.records.store import Store
 from explore_bench.report import html, origin
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps
@@ -19,10 +19,10 @@ from explore_bench.report.figures import CURVE_FIGURES
 from explore_bench.report.html import Content, Section, render_page, script_json
 from explore_bench.report.markup import header_groups
 from explore_bench.report.origin import commit, origin_tables, processor
+from explore_bench.report.pages.training import TRAINING_FIGURES
 from explore_bench.report.render import write_report
 from explore_bench.report.tables import Scope, Table, report_tables
-from explore_bench.report.training import TRAINING_FIGURES
-from explore_bench.results import summary_table, trial_table
+from explore_bench.strategies.registry import strategies
 
 HOSTILE = '</script><script>alert("x")</script><b>$\\frac&amp;'
 

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from handmade import TINY, record
 
-from explore_bench.report.maps import maps_figure, maps_table, write_map_report
-from explore_bench.simulator.world import World
-from explore_bench.statistics import mean_interval
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.report.pages.maps import maps_figure, maps_table, write_map_report
+from explore_bench.world.landmark.world import World
 
 ERRORS = np.array([1.0, 2.0, 3.0, 5.0])
 MAPS = {"hall": ("......",) * 6, "wall": ("......", "......", "..##..", "......", "......", "......")}

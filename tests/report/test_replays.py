@@ -9,7 +9,7 @@ from handmade import record, with_spec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from explore_bench.metrics import curve, exploration_efficiency
+from explore_bench.analysis.metrics import curve, exploration_efficiency
 from explore_bench.report.replays import (
     AXIS_LEVELS,
     SCALES,
@@ -21,7 +21,7 @@ from explore_bench.report.replays import (
     packed,
     unpack_replay,
 )
-from explore_bench.steps import unpack_ellipses, unpack_map
+from explore_bench.trial.snapshot import unpack_ellipses, unpack_map
 
 
 def tried(trial, uncertainty, strategy="nearest", **options):

@@ -6,8 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from explore_bench.report.sensitivity import sensitivity_figure, sensitivity_table, variations_of, write_sensitivity
-from explore_bench.statistics import mean_interval, ratio_interval
+from explore_bench.analysis.statistics import mean_interval, ratio_interval
+from explore_bench.report.pages.sensitivity import (
+    sensitivity_figure,
+    sensitivity_table,
+    variations_of,
+    write_sensitivity,
+)
 
 BASE = np.array([1.0, 2.0, 3.0, 5.0])
 

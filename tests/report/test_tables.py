@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 from handmade import record, with_spec
 
-from explore_bench.registry import strategies
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.analysis.tables import SUMMARY_COLUMNS, summary_table, trial_table
 from explore_bench.report.style import showing
 from explore_bench.report.tables import (
     PAPER_TABLES,
@@ -24,9 +25,8 @@ from explore_bench.report.tables import (
     shown_name,
     write_tables,
 )
-from explore_bench.results import SUMMARY_COLUMNS, summary_table, trial_table
-from explore_bench.scenario import Scenario
-from explore_bench.statistics import mean_interval
+from explore_bench.strategies.registry import strategies
+from explore_bench.world.scenario import Scenario
 
 MAP = Scenario(size=20.0)
 NAN = math.nan

@@ -9,7 +9,7 @@ from explore_bench_frontier.claims import CLAIMS
 from explore_bench_frontier.next_best_view import NextBestView, unknown_area
 
 from explore_bench import RequestError, Scenario
-from explore_bench.conformance import check
+from explore_bench.runs.conformance import check
 
 
 @pytest.fixture

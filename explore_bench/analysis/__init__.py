@@ -1,0 +1,1 @@
+"""What stored records say: metrics, statistics, tables, claims, the gate."""

@@ -1,0 +1,273 @@
+"""Claims about strategies as explicit, directional comparisons, and what stored records say of them.
+
+A claim is data: an installed package names some in the entry point group `explore_bench.claims`. A comparison over
+worlds is paired by world; one of training curves is between training seeds. Holm's correction runs over the
+comparisons of a claim. Intervals over worlds are conditional on the weights, so a claim about an architecture needs
+SEEDS training seeds on either side before its verdict is more than one "for these weights".
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import redirect_stdout
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from explore_bench.analysis.csv_files import plain
+from explore_bench.analysis.metrics import METRICS, Metric
+from explore_bench.analysis.statistics import (
+    Estimate,
+    effect_size,
+    holm,
+    improvement_probability,
+    mean_difference,
+    mean_interval,
+    permutation_p,
+    sign_flip_p,
+)
+from explore_bench.analysis.tables import by_world, seed_means
+from explore_bench.analysis.training_curve import TRAINING_METRICS, training_values
+from explore_bench.errors import RequestError, describe
+from explore_bench.strategies.registry import strategies
+
+GROUP = "explore_bench.claims"
+LEVEL = 0.05
+"""Family-wise error rate of a claim."""
+
+SEEDS = 5
+"""Training seeds on either side that a verdict about an architecture asks for."""
+
+SUPPORTED, NOT_SHOWN, CONTRADICTED, NOT_MEASURED = "supported", "not shown", "contradicted", "not measured"
+THESE_WEIGHTS = " for these weights"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One strategy is said to be better than another in a metric.
+
+    Attributes
+    ----------
+    better, worse : names of the strategies.
+    metric : of METRICS, at `size` [m]; or of TRAINING_METRICS, with `size` None.
+    """
+
+    better: str
+    worse: str
+    metric: str
+    size: float | None = None
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What is claimed, and the comparisons that would have to come out for it to hold.
+
+    Attributes
+    ----------
+    name : short, as its source numbers it.
+    statement : in words.
+    comparisons : all of them have to hold.
+    architecture : whether it is about an architecture rather than about given weights.
+    """
+
+    name: str
+    statement: str
+    comparisons: tuple[Comparison, ...]
+    architecture: bool = True
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the records say of a comparison.
+
+    Attributes
+    ----------
+    n : worlds that both strategies tried, or training seeds of the smaller side.
+    means : of the two strategies.
+    difference : of the strategy said to be better, minus the other's, with its 95 % interval.
+    relative : difference over the other's mean.
+    p, p_holm : of "no difference", two-sided; after Holm's correction over the claim.
+    effect : mean of the paired differences over their standard deviation, positive where the claim would have it.
+    improvement : share of the worlds on which the claim holds, ties half.
+    seeds, ranges : training seeds of the two and the smallest and largest mean of a single one; 0 and NaN where none.
+    verdict : SUPPORTED, NOT_SHOWN, CONTRADICTED or NOT_MEASURED, with THESE_WEIGHTS where seeds are too few.
+    """
+
+    comparison: Comparison
+    n: int
+    means: tuple[float, float]
+    difference: Estimate
+    relative: float
+    p: float
+    p_holm: float
+    effect: float
+    improvement: float
+    seeds: tuple[int, int]
+    ranges: tuple[tuple[float, float], tuple[float, float]]
+    verdict: str
+
+
+def comparisons(
+    better: str, worse: Iterable[str], metrics: Iterable[str], sizes: Iterable[float | None] = (None,)
+) -> tuple[Comparison, ...]:
+    """Every comparison of one strategy with several others, in several metrics at several sizes [m]."""
+    return tuple(Comparison(better, *rest) for rest in itertools.product(worse, metrics, sizes))
+
+
+def metric_of(comparison: Comparison) -> Metric:
+    """Metric of a comparison.
+
+    Raises
+    ------
+    RequestError : where it names none.
+    """
+    known = METRICS if comparison.size is not None else TRAINING_METRICS
+    if comparison.metric not in known or known[comparison.metric].better is None:
+        raise RequestError(
+            f"a claim compares '{comparison.better}' and '{comparison.worse}' in '{comparison.metric}'; name a metric "
+            f"with a direction: {', '.join(name for name, metric in known.items() if metric.better)}."
+        )
+    return known[comparison.metric]
+
+
+@cache
+def claims() -> tuple[Claim, ...]:
+    """Claims of all installed packages, this project's first.
+
+    An entry point that cannot be used is a claim without comparisons, under its name, that says why.
+    """
+    found: list[Claim] = []
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name != "baselines", point.name)):
+        try:
+            found += _loaded(point)
+        except (Exception, SystemExit) as error:
+            sentence = f"Entry point '{point.name}' of {GROUP} ({point.value}) cannot be used: {describe(error)}"
+            found.append(Claim(point.name, f"{sentence}; mend or uninstall it.", ()))
+    return tuple(found)
+
+
+def _loaded(point: EntryPoint) -> tuple[Claim, ...]:
+    """Claims that an entry point names, every metric known."""
+    with redirect_stdout(sys.stderr):
+        own = tuple(point.load())
+    for claim in own:
+        if not isinstance(claim, Claim):
+            raise TypeError(f"{claim!r} is no Claim")
+        for comparison in claim.comparisons:
+            metric_of(comparison)
+    return own
+
+
+def examine(claim: Claim, trials: pd.DataFrame) -> list[Finding]:
+    """Compare what a claim compares, from the rows of `trials.csv` and the training curves beside the weights."""
+    found = [_measure(comparison, trials) for comparison in claim.comparisons]
+    adjusted = holm([finding.p for finding in found])
+    return [_judged(finding, float(p), claim.architecture) for finding, p in zip(found, adjusted, strict=True)]
+
+
+def verdict(findings: Sequence[Finding]) -> str:
+    """Verdict on a claim: supported where all its comparisons are, contradicted where one is, else not shown."""
+    verdicts = {finding.verdict for finding in findings}
+    for word in (CONTRADICTED, CONTRADICTED + THESE_WEIGHTS):
+        if word in verdicts:
+            return word
+    if verdicts <= {SUPPORTED, SUPPORTED + THESE_WEIGHTS} and verdicts:
+        return SUPPORTED + THESE_WEIGHTS if SUPPORTED + THESE_WEIGHTS in verdicts else SUPPORTED
+    return NOT_MEASURED if verdicts <= {NOT_MEASURED} else NOT_SHOWN
+
+
+def _measure(comparison: Comparison, trials: pd.DataFrame) -> Finding:
+    sign = 1.0 if metric_of(comparison).better == "higher" else -1.0
+    if comparison.size is None:
+        return _of_training(comparison, sign)
+    here = trials[trials["size"] == comparison.size]
+    own = [here[here["strategy"] == name] for name in (comparison.better, comparison.worse)]
+    values = [by_world(cell, comparison.metric) for cell in own]
+    worlds = sorted(values[0].keys() & values[1].keys())
+    a, b = (np.array([of[world] for world in worlds], dtype=float) for of in values)
+    if not worlds or not (np.isfinite(a).all() and np.isfinite(b).all()):
+        return _nothing(comparison)
+    of_seeds = [seed_means(cell[cell["trial"].isin(worlds)], comparison.metric) for cell in own]
+    return _finding(comparison, len(worlds), a, b, mean_interval(a - b), sign_flip_p(a - b), sign * (a - b), of_seeds)
+
+
+def _of_training(comparison: Comparison, sign: float) -> Finding:
+    """Compare training seeds; they are not paired, their number may differ."""
+    known = strategies()
+    of_seeds = [
+        list(training_values(known[name], comparison.metric).values()) if name in known else []
+        for name in (comparison.better, comparison.worse)
+    ]
+    a, b = map(np.array, of_seeds)
+    if not len(a) or not len(b) or not (np.isfinite(a).all() and np.isfinite(b).all()):
+        return _nothing(comparison)
+    gains = sign * np.subtract.outer(a, b).reshape(-1)
+    return _finding(comparison, min(len(a), len(b)), a, b, mean_difference(a, b), permutation_p(a, b), gains, of_seeds)
+
+
+def _finding(
+    comparison: Comparison,
+    n: int,
+    a: np.ndarray,
+    b: np.ndarray,
+    difference: Estimate,
+    p: float,
+    gains: np.ndarray,
+    of_seeds: Sequence[list[float]],
+) -> Finding:
+    mean = float(b.mean())
+    return Finding(
+        comparison,
+        n,
+        (float(a.mean()), mean),
+        difference,
+        difference.mean / abs(mean) if mean else math.nan,
+        p,
+        math.nan,
+        effect_size(gains),
+        improvement_probability(gains),
+        (len(of_seeds[0]), len(of_seeds[1])),
+        (_range(of_seeds[0]), _range(of_seeds[1])),
+        "",
+    )
+
+
+def _range(values: list[float]) -> tuple[float, float]:
+    return min(values, default=math.nan), max(values, default=math.nan)
+
+
+def _nothing(comparison: Comparison) -> Finding:
+    nan, none = math.nan, (math.nan, math.nan)
+    return Finding(comparison, 0, none, Estimate(nan, nan, nan, 0), nan, nan, nan, nan, nan, (0, 0), (none, none), "")
+
+
+def _judged(finding: Finding, p_holm: float, architecture: bool) -> Finding:
+    better = metric_of(finding.comparison).better
+    held = finding.difference.mean > 0 if better == "higher" else finding.difference.mean < 0
+    if not finding.n:
+        word = NOT_MEASURED
+    elif not p_holm <= LEVEL:
+        word = NOT_SHOWN
+    else:
+        word = SUPPORTED if held else CONTRADICTED
+        learned = [count for count in finding.seeds if count]
+        if architecture and learned and min(learned) < SEEDS:
+            word += THESE_WEIGHTS
+    return replace(finding, p_holm=p_holm, verdict=word)
+
+
+def as_values(claim: Claim, findings: Sequence[Finding]) -> dict[str, Any]:
+    """A claim and its findings as plain values, not-a-numbers as None."""
+    return {
+        "claim": claim.name,
+        "statement": claim.statement,
+        "verdict": verdict(findings),
+        "comparisons": [plain(asdict(finding)) for finding in findings],
+    }

@@ -1,0 +1,48 @@
+"""The CSV files of a results folder: the columns that name a trial, reading one, and values as JSON knows them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
+
+from explore_bench.errors import RequestError
+
+KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
+"""Columns that name a trial."""
+
+TEXTS = ("strategy", "world", "status", "scenario", "table", "metric")
+"""Columns of words among those that are read back; all others hold numbers."""
+
+
+def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    """Read one of the tables of a results folder.
+
+    Raises
+    ------
+    RequestError : where the file is missing or is no such table.
+    """
+    try:
+        table = pd.read_csv(path, dtype={"training_seed": "Int64"}, keep_default_na=True)
+    except (OSError, ValueError) as error:
+        raise RequestError(f"'{path}' cannot be read ({error}); run 'explore-bench run SUITE' to make it.") from None
+    lacking = [name for name in columns if name not in table.columns]
+    if lacking:
+        raise RequestError(f"'{path}' lacks the column '{lacking[0]}'; delete it and run again.")
+    worded = [name for name in columns if name not in TEXTS and len(table) and not is_numeric_dtype(table[name])]
+    if worded:
+        raise RequestError(f"'{path}' has something else than numbers in '{worded[0]}'; delete it and run again.")
+    return table
+
+
+def plain(value: Any) -> Any:
+    """Nested values as JSON knows them: tuples as lists, numbers that are not finite as None."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

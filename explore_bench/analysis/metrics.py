@@ -1,0 +1,213 @@
+"""The metrics: pure functions of a trial's rows, each with its symbol, unit, direction and equation.
+
+A trial that did not explore is scored with T = n_a = the step limit, its last U (U₀ where it has none) and the
+larger of its last max trace and 2 σ₀², in tables and curves alike: stopping early or crashing never pays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from explore_bench.trial.spec import Status
+
+if TYPE_CHECKING:
+    from explore_bench.records.shard import TrialRecord
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number of a trial.
+
+    Attributes
+    ----------
+    symbol, unit : as printed.
+    better : which direction is better; None where neither is.
+    equation : definition, with its source.
+    value : the function of a trial's record; of a training curve for what training is measured by.
+    """
+
+    symbol: str
+    unit: str
+    better: Literal["lower", "higher"] | None
+    equation: str
+    value: Callable[[Any], float]
+
+
+@dataclass(frozen=True)
+class Score:
+    """What Eq. 2 and 3 need of a trial: time T, uncertainty U_T [m²] and max trace [m² + rad²]."""
+
+    time: int
+    uncertainty: float
+    peak_trace: float
+
+
+def finished(record: TrialRecord) -> bool:
+    """Whether a trial explored its map."""
+    return record.status == Status.EXPLORED.value
+
+
+def broken_off(record: TrialRecord) -> bool:
+    """Whether a trial failed or got stuck, so that what only adds up along the way says nothing about it."""
+    return record.status in (Status.FAILED.value, Status.STUCK.value)
+
+
+def score(record: TrialRecord) -> Score:
+    """Score of a trial, by the rule for trials that did not explore where it did not."""
+    scenario, steps = record.spec.scenario, record.steps
+    has_rows = len(steps["step"]) > 0
+    uncertainty = float(steps["uncertainty"][-1]) if has_rows else scenario.prior_uncertainty
+    peak = float(steps["peak_trace"][-1]) if has_rows else 0.0
+    if finished(record):
+        return Score(int(steps["step"][-1]), uncertainty, peak)
+    return Score(scenario.step_limit, uncertainty, max(peak, 2.0 * scenario.virtual_sigma**2))
+
+
+def trajectory_error(record: TrialRecord) -> float:
+    """Eq. 3: e = n_a / n_g · √(max tr Σ)."""
+    final = score(record)
+    return final.time / record.spec.scenario.cell_count * math.sqrt(final.peak_trace)
+
+
+def exploration_efficiency(record: TrialRecord) -> float:
+    """Eq. 2: η = (U₀ − U_T) / T; a trial that explored without a step has none (NaN)."""
+    final = score(record)
+    return uncertainty_reduction(record) / final.time if final.time else math.nan
+
+
+def uncertainty_reduction(record: TrialRecord) -> float:
+    """ΔU = U₀ − U_T, with U of Eq. 1."""
+    return record.spec.scenario.prior_uncertainty - score(record).uncertainty
+
+
+def explored(record: TrialRecord) -> float:
+    """Known share of the map at the end; 0 where there is no row."""
+    values = record.steps["explored"]
+    return float(values[-1]) if len(values) else 0.0
+
+
+def time_to(coverage: float) -> Callable[[TrialRecord], float]:
+    """Metric of the first step with this share of the map known.
+
+    It is the step limit for a trial that ended unexplored before, and NaN where exploring asks for less.
+    """
+
+    def value(record: TrialRecord) -> float:
+        reached = np.flatnonzero(record.steps["explored"] >= coverage)
+        if len(reached):
+            return float(record.steps["step"][reached[0]])
+        return math.nan if finished(record) else float(record.spec.scenario.step_limit)
+
+    return value
+
+
+def absolute_trajectory_error(record: TrialRecord) -> float:
+    """Root mean square distance of the final estimate of the trajectory from the truth.
+
+    No alignment: the start is known. NaN for a trial that broke off.
+    """
+    if broken_off(record):
+        return math.nan
+    steps, final = record.steps, record.final
+    squared = (final["final_x"] - steps["true_x"]) ** 2 + (final["final_y"] - steps["true_y"]) ** 2
+    return float(np.sqrt(squared.mean()))
+
+
+def pose_nees(record: TrialRecord) -> float:
+    """Mean over the steps of dᵀ Σ⁻¹ d, d the error of the running pose estimate: 3 where the filter is honest.
+
+    Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation", 2001, §5.4.
+    """
+    s = record.steps
+    if broken_off(record):
+        return math.nan
+    turn = (s["heading"] - s["true_heading"] + math.pi) % math.tau - math.pi
+    error = np.stack((s["x"] - s["true_x"], s["y"] - s["true_y"], turn), axis=1)
+    rows = [[s["cov_xx"], s["cov_xy"], s["cov_xh"]], [s["cov_xy"], s["cov_yy"], s["cov_yh"]]]
+    rows.append([s["cov_xh"], s["cov_yh"], s["cov_hh"]])
+    sigma = np.moveaxis(np.array(rows), -1, 0)
+    return float(np.einsum("ti,ti->t", error, np.linalg.solve(sigma, error[..., None])[..., 0]).mean())
+
+
+def last(column: str) -> Callable[[TrialRecord], float]:
+    """Metric of a column's last value; NaN for a trial that broke off: a short way is no merit then."""
+
+    def value(record: TrialRecord) -> float:
+        return math.nan if broken_off(record) else float(record.steps[column][-1])
+
+    return value
+
+
+METRICS: dict[str, Metric] = {
+    "trajectory_error": Metric("e", "m", "lower", "n_a / n_g · √(max tr Σ_v, v ∈ V_p) (Eq. 3)", trajectory_error),
+    "exploration_efficiency": Metric("η", "m²/step", "higher", "(U₀ − U_T) / T (Eq. 2)", exploration_efficiency),
+    "uncertainty_reduction": Metric("ΔU", "m²", "higher", "U₀ − U_T, U = Σ tr Σ_v (Eq. 1)", uncertainty_reduction),
+    "path_length": Metric("L", "m", "lower", "Σ length of the straight commands", last("path_length")),
+    "decisions": Metric("D", "1", None, "decisions made", last("decisions")),
+    "explored": Metric("c", "1", "higher", "known share of the map at the end", explored),
+    "t50": Metric("T50", "step", "lower", "first step with 50 % of the map known", time_to(0.5)),
+    "t80": Metric("T80", "step", "lower", "first step with 80 % of the map known", time_to(0.8)),
+    "t90": Metric("T90", "step", "lower", "first step with 90 % of the map known", time_to(0.9)),
+    "absolute_trajectory_error": Metric(
+        "ATE", "m", "lower", "√ mean ‖x̂ₜ − xₜ‖² of the final estimate", absolute_trajectory_error
+    ),
+    "pose_nees": Metric("NEES", "1", None, "mean dᵀ Σ⁻¹ d of the running pose; 3 is honest", pose_nees),
+    "collisions": Metric("C", "1", "lower", "true entries into obstacles or off the map", last("collisions")),
+    "mislabelled": Metric("M", "cells", "lower", "known cells believed to be what they are not", last("mislabelled")),
+}
+
+REGRET = Metric("R", "1", "lower", "(T − T_clairvoyant) / T_clairvoyant on the same world", lambda record: math.nan)
+"""Regret pairs a trial with the reference's on the same world, so `results` computes it from both."""
+
+
+def regret(record: TrialRecord, reference: TrialRecord | None) -> float:
+    """(T − T_ref) / T_ref on the same world; may be negative, NaN where the reference did not run."""
+    if reference is None or not score(reference).time:
+        return math.nan
+    return score(record).time / score(reference).time - 1.0
+
+
+CURVES: dict[str, tuple[str, str]] = {
+    "explored": ("exploration rate", "1"),
+    "trajectory_error": ("trajectory error e", "m"),
+    "exploration_efficiency": ("exploration efficiency η", "m²/step"),
+}
+"""Curves of Figures 10, 11 and 13 to 15: title and unit."""
+
+
+def curve(record: TrialRecord, name: str, length: int) -> Array:
+    """Values of a curve at steps 0 … length − 1, shape (length,).
+
+    Undefined (NaN) at step 0 but for the exploration rate; after its end a trial holds its last value, scored as
+    the tables score it where it did not explore.
+
+    Raises
+    ------
+    KeyError : for a name that is not in CURVES.
+    """
+    scenario, steps = record.spec.scenario, record.steps
+    step = steps["step"].astype(float)
+    if name == "explored":
+        values, end = steps["explored"], explored(record)
+    elif name == "trajectory_error":
+        values = step / scenario.cell_count * np.sqrt(steps["peak_trace"])
+        end = trajectory_error(record)
+    elif name == "exploration_efficiency":
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = (scenario.prior_uncertainty - steps["uncertainty"]) / step
+        end = exploration_efficiency(record)
+    else:
+        raise KeyError(name)
+    result = np.full(length, end)
+    kept = min(len(values), length)
+    result[:kept] = values[:kept]
+    if name != "explored" and length:
+        result[0] = math.nan
+    return result

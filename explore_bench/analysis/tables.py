@@ -1,0 +1,174 @@
+"""`trials.csv` and `summary.csv`, derived from the records of a results folder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from explore_bench.analysis.csv_files import KEYS
+from explore_bench.analysis.metrics import METRICS, regret
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.errors import RequestError, writing
+from explore_bench.records.provenance import weights_digest
+from explore_bench.records.shard import TrialRecord
+from explore_bench.records.store import Store
+from explore_bench.strategies.registry import entry_named, in_order, strategies
+from explore_bench.trial.spec import TrialSpec
+
+FIRST_METRICS = ("path_length", "explored", "uncertainty_reduction", "exploration_efficiency", "trajectory_error")
+FURTHER_METRICS = tuple(name for name in METRICS if name not in (*FIRST_METRICS, "decisions"))
+
+TRIAL_COLUMNS = (
+    "strategy",
+    "training_seed",
+    "size",
+    "trial",
+    "world",
+    "status",
+    "steps",
+    "decisions",
+    *FIRST_METRICS,
+    *FURTHER_METRICS,
+    "regret",
+    "scenario",
+    "reason",
+)
+SUMMARY_COLUMNS = (
+    *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
+    *("seeds", "seed_low", "seed_high"),
+)
+
+
+def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
+    """One row a trial with the columns TRIAL_COLUMNS, ordered by strategy, training seed, size and trial.
+
+    Names of strategies are kept as they were when the trial ran; regret is to the reference on the world.
+
+    Raises
+    ------
+    RequestError : where two different strategies, or sets of weights, have the same name.
+    """
+    refuse_shared_names(record.spec for record in records)
+    references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
+    rows = []
+    for record in records:
+        spec, steps = record.spec, record.steps
+        values: dict[str, Any] = {name: metric.value(record) for name, metric in METRICS.items()}
+        rows.append(
+            values
+            | {
+                "strategy": spec.strategy,
+                "training_seed": spec.training_seed,
+                "size": spec.scenario.size,
+                "trial": spec.trial,
+                "world": record.world.digest,
+                "status": record.status,
+                "steps": max(len(steps["step"]) - 1, 0),
+                "decisions": int(steps["decisions"][-1]) if len(steps["step"]) else 0,
+                "regret": regret(record, references.get((spec.scenario, spec.trial))),
+                "scenario": spec.scenario_name,
+                "reason": record.reason,
+            }
+        )
+    table = pd.DataFrame(rows, columns=list(TRIAL_COLUMNS)).astype({"training_seed": "Int64", "size": float})
+    return table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first")
+
+
+def refuse_shared_names(specs: Iterable[TrialSpec]) -> None:
+    """Refuse specifications that mean different things by one name.
+
+    Raises
+    ------
+    RequestError : with the name and both of its meanings.
+    """
+    makers: dict[Any, tuple[Any, str]] = {}
+    for spec in specs:
+        made = (spec.factory, dict(spec.parameters)), spec.factory
+        weights = weights_digest(spec.weights) if spec.weights else None, f"the weights {spec.weights}"
+        for key, own in ((spec.strategy, made), ((spec.strategy, spec.training_seed), weights)):
+            known = makers.setdefault(key, own)
+            if known[0] != own[0]:
+                raise RequestError(
+                    f"the name '{spec.strategy}' stands for {known[1]} and for {own[1]} in one folder; "
+                    "rename one of them, or give each a folder with --results."
+                )
+
+
+def write_trials(store: Store) -> pd.DataFrame:
+    """Write `trials.csv` from the current records of a folder and return its rows."""
+    table = trial_table(store.records()[0])
+    path = store.folder / "trials.csv"
+    with writing(path):
+        table.to_csv(path, index=False, lineterminator="\n")
+    return table
+
+
+def select(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
+    """Rows of the trials of a plan."""
+    wanted = {(spec.strategy, spec.training_seed, spec.scenario.size, spec.trial, spec.scenario_name) for spec in specs}
+    seeds = [None if pd.isna(seed) else int(seed) for seed in table["training_seed"]]
+    keys = zip(table["strategy"], seeds, table["size"], table["trial"], table["scenario"], strict=True)
+    return table[[key in wanted for key in keys]].reset_index(drop=True)
+
+
+def by_world(table: pd.DataFrame, metric: str) -> dict[int, float]:
+    """Values of a metric by world, training seeds averaged within a world; NaN where one of them is."""
+    trials, place = np.unique(table["trial"].to_numpy(dtype=int), return_inverse=True)
+    means = np.bincount(place, table[metric].to_numpy(dtype=float)) / np.bincount(place)
+    return dict(zip(trials.tolist(), means.tolist(), strict=True))
+
+
+def seed_means(table: pd.DataFrame, metric: str) -> list[float]:
+    """Mean of a metric over the worlds, one for each training seed in their order; none for what is not learned."""
+    return [float(own.mean(skipna=False)) for _, own in table.groupby("training_seed")[metric]]
+
+
+def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Means with intervals of every table, strategy, size and metric; the paper's value where that table prints one.
+
+    `n` counts worlds, `failed` trials that did not explore; `seed_low` and `seed_high` are the smallest and the largest
+    mean of a single one of the `seeds` training seeds.
+
+    A strategy without trials stands in it with n = 0 where the paper prints a value; a metric that is not defined for
+    every trial of a cell is left out.
+    """
+    rows = []
+    metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret"]
+    for name in in_order([*strategies(), *trials["strategy"]]):
+        own = trials[trials["strategy"] == name]
+        entry = entry_named(name)
+        published = entry.published
+        for table in entry.tables:
+            sizes = {float(size) for size in own["size"]} | {s for t, s, _ in published if t == table}
+            for size in sorted(sizes):
+                cell = own[own["size"] == size]
+                for metric in metrics:
+                    paper = published.get((table, size, metric), math.nan)
+                    if not len(cell) and math.isnan(paper):
+                        continue
+                    values = np.array(list(by_world(cell, metric).values()))
+                    if np.isnan(values).any():
+                        continue  # not defined for every trial: no mean over those for which it is
+                    estimate, of_seeds = mean_interval(values), seed_means(cell, metric)
+                    rows.append(
+                        {
+                            "table": table,
+                            "strategy": name,
+                            "size": size,
+                            "metric": metric,
+                            "n": estimate.n,
+                            "failed": int((cell["status"] != "explored").sum()),
+                            "mean": estimate.mean,
+                            "ci_low": estimate.low,
+                            "ci_high": estimate.high,
+                            "paper": paper,
+                            "seeds": len(of_seeds),
+                            "seed_low": min(of_seeds, default=math.nan),
+                            "seed_high": max(of_seeds, default=math.nan),
+                        }
+                    )
+    return pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))

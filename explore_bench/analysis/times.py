@@ -1,0 +1,72 @@
+"""`times.csv`: what trials took, the only file of a results folder that differs between two runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from explore_bench.analysis.csv_files import KEYS, read_csv
+from explore_bench.errors import writing
+from explore_bench.trial.spec import Outcome, TrialSpec
+
+TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
+
+
+def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
+    """Add the times of trials that have just run to `times.csv`, the only file that differs between two runs."""
+    rows = [
+        {
+            "strategy": outcome.spec.strategy,
+            "training_seed": outcome.spec.training_seed,
+            "size": outcome.spec.scenario.size,
+            "trial": outcome.spec.trial,
+            "scenario": outcome.spec.scenario_name,
+            "seconds": outcome.seconds,
+            "steps": outcome.steps,
+            "decisions": len(outcome.decision_seconds),
+            "decision_ms": 1e3 * float(np.median(outcome.decision_seconds)) if outcome.decision_seconds else math.nan,
+            "decision_ms_max": 1e3 * max(outcome.decision_seconds, default=math.nan),
+        }
+        for outcome in outcomes
+    ]
+    if rows:
+        write_time_rows(folder, [read_times(folder), pd.DataFrame(rows).astype({"training_seed": "Int64"})])
+
+
+def read_times(folder: Path) -> pd.DataFrame | None:
+    """Rows of `times.csv`; None where there is no such file.
+
+    Raises
+    ------
+    RequestError : where it is no such table.
+    """
+    path = folder / "times.csv"
+    return read_csv(path, TIME_COLUMNS) if path.is_file() else None
+
+
+def write_time_rows(folder: Path, tables: Iterable[pd.DataFrame | None]) -> None:
+    """Write the rows of several tables to `times.csv`, of those of one trial the last; nothing without any table."""
+    found = [table for table in tables if table is not None]
+    if not found:
+        return
+    path = folder / "times.csv"
+    with writing(path):
+        pd.concat(found).drop_duplicates(KEYS, keep="last").sort_values(KEYS).to_csv(
+            path, index=False, float_format="%.6g", lineterminator="\n"
+        )
+
+
+def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:
+    """Processor time [s] that trials will need, from `times.csv` where it knows the like, else from their size."""
+    path = folder / "times.csv"
+    known: Any = read_csv(path, TIME_COLUMNS).groupby(["strategy", "size"])["seconds"].mean() if path.is_file() else {}
+    usual = 0.15  # s at 100 cells; it grows with their square: more steps, and each costs more
+    return sum(
+        float(known.get((spec.strategy, spec.scenario.size), usual * (spec.scenario.cell_count / 100) ** 2))
+        for spec in specs
+    )

@@ -1,0 +1,52 @@
+"""The command line: the group of all commands, and one line on stderr for whatever is wrong."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import click
+
+from explore_bench.cli.check import check
+from explore_bench.cli.compare import compare
+from explore_bench.cli.demo import demo
+from explore_bench.cli.gate import gate
+from explore_bench.cli.list_ import list_
+from explore_bench.cli.merge import merge
+from explore_bench.cli.options import DONE, INTERRUPTED, WRONG
+from explore_bench.cli.perf import perf
+from explore_bench.cli.report import report
+from explore_bench.cli.run import run
+from explore_bench.cli.train import train
+from explore_bench.errors import RequestError
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the console script: one line on stderr for whatever is wrong, and the exit code."""
+    code = DONE
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        code = cli.main(args=arguments or ["--help"], prog_name="explore-bench", standalone_mode=False) or DONE
+    except click.ClickException as error:
+        code = _complain(error.format_message().replace("\n", " "))
+    except RequestError as error:
+        code = _complain(str(error))
+    except (click.Abort, KeyboardInterrupt):
+        print("explore-bench: interrupted; what is done is stored, the same command goes on.", file=sys.stderr)
+        code = INTERRUPTED
+    sys.exit(code)
+
+
+def _complain(sentence: str) -> int:
+    print(f"explore-bench: {sentence}", file=sys.stderr)
+    return WRONG
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="explore-bench")
+def cli() -> None:
+    """Compare robot-exploration strategies: paired, seeded trials in one simulator, tables with intervals."""
+
+
+for command in (list_, run, merge, report, compare, gate, check, demo, train, perf):
+    cli.add_command(command)

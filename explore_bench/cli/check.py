@@ -1,0 +1,43 @@
+"""`check`: whether a strategy keeps the contract."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from explore_bench.cli.options import DONE, NO, json_option
+from explore_bench.errors import writing
+
+
+@click.command()
+@click.argument("strategy")
+@click.option(
+    "--timeout",
+    type=click.FloatRange(0, 1e6, min_open=True),
+    default=60.0,
+    show_default=True,
+    metavar="S",
+    help="Seconds that its import or one trial may take.",
+)
+@json_option
+def check(strategy: str, timeout: float, file: Path | None) -> int:
+    """Test whether STRATEGY keeps the contract, rule by rule."""
+    from explore_bench.runs.conformance import Finding, findings
+
+    begin = time.perf_counter()
+    found: list[Finding] = []
+    for finding in findings(strategy, timeout):
+        click.echo(finding)
+        found.append(finding)
+    broken = sum(not finding.ok for finding in found)
+    verdict = f"{broken} of {len(found)} rules broken" if broken else "keeps the contract"
+    click.echo(f"{strategy}: {verdict} ({time.perf_counter() - begin:.1f} s)")
+    if file is not None:
+        values = {"strategy": strategy, "ok": not broken, "findings": [asdict(finding) for finding in found]}
+        with writing(file):
+            file.write_text(json.dumps(values, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return NO if broken else DONE

@@ -1,0 +1,63 @@
+"""The commands, a module each; heavy libraries are imported inside a command, so `--help` feels instant.
+
+Exit codes: 0 done; 1 it ran and the answer is no (a trial failed, say); 2 the request or a file is wrong; 3 incomplete,
+or nothing was measured; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from explore_bench.errors import RequestError
+
+if TYPE_CHECKING:
+    from explore_bench.world.scenario import Scenario
+
+DONE, NO, WRONG, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
+
+results_option = click.option(
+    "--results",
+    type=click.Path(path_type=Path),
+    default=Path("results"),
+    show_default=True,
+    help="Folder of records, tables and figures.",
+)
+root_option = click.option(
+    "--seed", type=int, default=0, show_default=True, metavar="ROOT", help="Root seed; 0 is the benchmark's."
+)
+json_option = click.option(
+    "--json", "file", type=click.Path(path_type=Path), metavar="FILE", help="Write the numbers as JSON, too."
+)
+
+
+def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options of a command that say in which world its trials run; see `physics_of`."""
+    own = "A world of your own: .yaml of map_server, .png, .pgm, .npy or .txt; or one of the suite 'maps'."
+    pixel = "Edge of a pixel of the map [m], where its file does not say (default: a cell)."
+    options = (
+        click.option("--scenario", metavar="NAME|FILE.toml", help="Physical constants instead of the paper's."),
+        click.option("--map", "map_", metavar="FILE|NAME", help=own),
+        click.option("--resolution", type=float, metavar="M", help=pixel),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def physics_of(scenario: str | None, map_: str | None, resolution: float | None) -> tuple[Scenario | None, str]:
+    """Scenario that --scenario, --map and --resolution ask for (None: the paper's), and the name it is kept under."""
+    from explore_bench.world.maps import with_map
+    from explore_bench.world.scenario import PAPER
+    from explore_bench.world.scenario_file import load_scenario
+
+    if resolution is not None and map_ is None:
+        raise RequestError(f"resolution {resolution:g} is given without a map; add --map FILE.")
+    physics = None if scenario is None else load_scenario(scenario)
+    if map_ is not None:
+        physics = with_map(physics or PAPER, map_, resolution)
+    names = [Path(name).name for name in (scenario, map_) if name is not None]
+    return physics, ", ".join(names) or "paper"

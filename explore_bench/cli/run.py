@@ -1,0 +1,155 @@
+"""`run`: what is missing of a suite."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from explore_bench.cli.options import DONE, INCOMPLETE, NO, physics_of, results_option, root_option, world_options
+from explore_bench.errors import RequestError
+
+if TYPE_CHECKING:
+    from explore_bench.runs.suites import Plan
+    from explore_bench.trial.spec import Outcome
+    from explore_bench.world.scenario import Scenario
+
+
+@click.command()
+@click.argument("suite")
+@click.option(
+    "-s",
+    "--strategy",
+    "names",
+    multiple=True,
+    metavar="STRATEGY",
+    help="Not the suite's: NAME, MODULE:FACTORY or FILE.py:FACTORY, then [key=value,…] if need be; repeatable.",
+)
+@click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")
+@click.option("--trials", type=int, metavar="N", help="Worlds a size.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
+@click.option("--backend", type=click.Choice(["loky", "sequential", "dask"]), default="loky", show_default=True)
+@click.option("--scheduler", metavar="ADDRESS", help="Of the dask cluster that runs the trials, with --backend dask.")
+@click.option("--timeout", type=click.FloatRange(0, 1e6, min_open=True), default=600.0, show_default=True, metavar="S")
+@world_options
+@root_option
+@results_option
+@click.option("--dry-run", is_flag=True, help="Print the plan and stop.")
+def run(
+    suite: str,
+    names: tuple[str, ...],
+    sizes: tuple[float, ...],
+    trials: int | None,
+    workers: int | None,
+    backend: str,
+    scheduler: str | None,
+    timeout: float,
+    scenario: str | None,
+    map_: str | None,
+    resolution: float | None,
+    seed: int,
+    results: Path,
+    dry_run: bool,
+) -> int:
+    """Run what is missing of SUITE and write trials.csv; an interrupted run goes on where it stopped."""
+    from explore_bench.runs.suites import plan
+
+    if math.isnan(timeout):
+        raise RequestError("timeout is nan; give the seconds that one trial may take.")
+    physics, kept_as = physics_of(scenario, map_, resolution)
+    asked = plan(suite, names, sizes, trials, seed, physics, kept_as)
+    if not asked.specs:
+        click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
+        return INCOMPLETE
+    return _run(asked, physics, results, seed, workers, backend, scheduler, timeout, dry_run)
+
+
+def _run(
+    asked: Plan,
+    physics: Scenario | None,
+    results: Path,
+    seed: int,
+    workers: int | None,
+    backend: str,
+    scheduler: str | None,
+    timeout: float,
+    dry_run: bool,
+) -> int:
+    from explore_bench.analysis.tables import select
+    from explore_bench.analysis.times import expected_seconds
+    from explore_bench.records.store import Store, missing
+    from explore_bench.runs import runner
+    from explore_bench.runs.workers import IncompleteError
+    from explore_bench.world.scenario import PAPER
+
+    workers = runner.crew(backend, workers, scheduler)
+    runner.check_runnable(asked.specs, workers, backend, timeout)
+    store = Store(results)
+    if not dry_run or store.exists():
+        store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
+    to_do = list(missing(store, asked.specs))
+    stored = len(asked.specs) - len(to_do)
+    click.echo(
+        f"plan: {len(asked.specs)} trials, {stored} stored, {len(to_do)} to do with {workers} workers"
+        + (f", about {_duration(expected_seconds(store.folder, to_do) / workers)}" if to_do else "")
+    )
+    if asked.untrained:
+        click.echo(f"not trained: {', '.join(asked.untrained)}")
+    if dry_run:
+        return DONE
+    try:
+        with Progress(len(to_do)) as advance:
+            table = runner.complete(to_do, store, workers, backend, timeout, advance, scheduler)
+    except IncompleteError as error:
+        click.echo(f"explore-bench: incomplete: {error}.", err=True)
+        return INCOMPLETE
+    rows = select(table, asked.specs)
+    failed = rows["status"] == "failed"
+    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed.sum()} of those asked for failed")
+    if (failed & (rows["explored"] == 0.0)).all():
+        click.echo(f"explore-bench: nothing was measured: {rows['reason'].iloc[0]}", err=True)
+        return INCOMPLETE
+    return NO if failed.any() else DONE
+
+
+class Progress:
+    """Progress bar on a terminal, a line every tenth elsewhere; failures are printed as they come."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._done = total, 0
+        self._bar: Any = None
+        if total and sys.stderr.isatty():
+            from rich import progress
+            from rich.console import Console
+
+            columns = (progress.TextColumn("trials"), progress.BarColumn(), progress.MofNCompleteColumn())
+            self._bar = progress.Progress(*columns, progress.TimeRemainingColumn(), console=Console(stderr=True))
+            self._task = self._bar.add_task("trials", total=total)
+
+    def __enter__(self) -> Callable[[Outcome], None]:
+        if self._bar:
+            self._bar.start()
+        return self._advance
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def _advance(self, outcome: Outcome) -> None:
+        self._done += 1
+        if outcome.status.value in ("failed", "stuck"):
+            spec = outcome.spec
+            place = f"{spec.strategy}, {spec.scenario.size:g} m, world {spec.trial}"
+            click.echo(f"{outcome.status.value}: {place}: {outcome.reason}", err=True)
+        if self._bar:
+            self._bar.advance(self._task)
+        elif self._done == self._total or self._done % max(self._total // 10, 1) == 0:
+            click.echo(f"{self._done} of {self._total} trials", err=True)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -1,0 +1,217 @@
+"""The file of one trial: its bytes from a result, and a record or a replay from its bytes.
+
+A shard holds the step rows, the trajectory as estimated at the end, and the replay of every decision on the row of
+the step at which it was made; its metadata hold the specification, the world and the ending.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from explore_bench.errors import RequestError
+from explore_bench.records.provenance import spec_values
+from explore_bench.trial.run import TrialResult
+from explore_bench.trial.snapshot import REPLAY_COLUMNS
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, STEP_COLUMNS, Column
+from explore_bench.world.landmark.world import World
+from explore_bench.world.scenario import Scenario
+
+METADATA_KEY = b"explore_bench"
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """What the store says of one trial.
+
+    Attributes
+    ----------
+    status, reason : how it ended, and why where that says not all.
+    spec : what defined it.
+    steps : columns of STEP_COLUMNS by name, each of shape (T + 1,); empty where the trial failed at once.
+    final : columns of FINAL_COLUMNS likewise.
+    world : the true map.
+    transient : whether it failed for want of time, memory or disk: such a trial runs again.
+    """
+
+    spec: TrialSpec
+    status: str
+    reason: str
+    steps: dict[str, np.ndarray]
+    final: dict[str, np.ndarray]
+    world: World
+    transient: bool
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Decisions of a trial: for each the step at which it was made; the last entry is the end of the trial.
+
+    Attributes
+    ----------
+    steps : row of each, shape (D + 1,).
+    candidates, choices : cells to choose from and the index chosen; None at the end.
+    maps, ellipses : packed; see `steps.unpack_map` and `steps.unpack_ellipses`.
+    landmarks : x, y, xx, xy, yy of each landmark seen, shape (M, 5).
+    """
+
+    steps: list[int]
+    candidates: list[list[int] | None]
+    choices: list[int | None]
+    maps: list[bytes]
+    ellipses: list[bytes]
+    landmarks: list[np.ndarray]
+
+
+def encode(result: TrialResult) -> bytes:
+    """Bytes of a trial's shard, the same for the same trial."""
+    return _encoded(_table(result))
+
+
+def comparable(path: Path) -> tuple[bytes, bool]:
+    """All that a shard says but its specification, whose paths are those of one machine; and whether it is transient.
+
+    Raises
+    ------
+    RequestError : for a file that is no shard or of another record version.
+    """
+    with opened(path) as shard:
+        facts = facts_of(shard, path)
+        table = shard.read(use_threads=False)
+    rest = {name: value for name, value in facts.items() if name != "spec"}
+    return _encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(rest, sort_keys=True)})), facts["transient"]
+
+
+def _encoded(table: pa.Table) -> bytes:
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd", write_statistics=False)
+    shard: bytes = sink.getvalue().to_pybytes()
+    return shard
+
+
+def _table(result: TrialResult) -> pa.Table:
+    rows = len(result.steps)
+    columns: dict[str, Any] = {name: [getattr(step, name) for step in result.steps] for name in STEP_COLUMNS}
+    final = np.full((rows, 6), np.nan)
+    final[: len(result.final_poses)] = np.hstack((result.final_poses, result.final_covariances))
+    columns |= {name: final[:, i] for i, name in enumerate(FINAL_COLUMNS)}
+    for name in REPLAY_COLUMNS:
+        snapshots = (result.snapshots.get(row) for row in range(rows))
+        columns[name] = [None if snapshot is None else getattr(snapshot, name) for snapshot in snapshots]
+    values = {
+        "schema": SCHEMA_VERSION,
+        "spec": spec_values(result.spec),
+        "status": result.status.value,
+        "reason": result.reason,
+        "transient": result.transient,
+        "world": {
+            "obstacles": np.flatnonzero(result.world.obstacles).tolist(),
+            "landmarks": result.world.landmarks.tolist(),
+            "start": list(result.world.start),
+            "uncounted": result.world.uncounted.tolist(),
+        },
+    }
+    schema = _schema().with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
+    return pa.table({name: pa.array(columns[name], schema.field(name).type) for name in schema.names}, schema)
+
+
+@cache
+def _schema() -> pa.Schema:
+    def arrow(column: Column) -> pa.DataType:
+        if column.dtype.startswith("list<"):
+            return pa.list_(pa.type_for_alias(column.dtype[5:-1]))
+        return pa.type_for_alias(column.dtype)
+
+    columns = STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS
+    return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a shard; whatever is wrong with it while it is read is said of its file."""
+    try:
+        with pq.ParquetFile(path) as shard:
+            yield shard
+    except (pa.ArrowException, OSError):
+        raise RequestError(f"'{path}' is no readable record; delete it and run again.") from None
+
+
+def facts_of(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
+    """Metadata of a shard: the specification of its trial, its ending and its world."""
+    metadata = shard.schema_arrow.metadata or {}
+    if METADATA_KEY not in metadata:
+        raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
+    facts: dict[str, Any] = json.loads(metadata[METADATA_KEY])
+    if facts.get("schema") != SCHEMA_VERSION:
+        raise RequestError(
+            f"'{path}' is of record version {facts.get('schema')}, not {SCHEMA_VERSION}; give another folder with "
+            "--results."
+        )
+    return facts
+
+
+def record_of(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
+    """Record of an open shard, whose metadata are `facts`."""
+    columns = shard.read([*STEP_COLUMNS, *FINAL_COLUMNS], use_threads=False)
+    arrays = {name: columns[name].to_numpy() for name in columns.column_names}
+    world, scenario = facts["world"], facts["spec"]["scenario"]
+    cells = int(scenario["size"] / scenario["cell_size"] + 0.5)
+    obstacles = np.zeros(cells * cells, dtype=bool)
+    obstacles[world["obstacles"]] = True
+    return TrialRecord(
+        spec=spec_from(facts["spec"]),
+        status=facts["status"],
+        reason=facts["reason"],
+        steps={name: arrays[name] for name in STEP_COLUMNS},
+        final={name: arrays[name] for name in FINAL_COLUMNS},
+        world=World(
+            obstacles.reshape(cells, cells),
+            np.array(world["landmarks"], dtype=float).reshape(-1, 2),
+            (world["start"][0], world["start"][1], world["start"][2]),
+            scenario["cell_size"],
+            np.array(world["uncounted"], dtype=np.int64),
+        ),
+        transient=facts["transient"],
+    )
+
+
+def spec_from(values: dict[str, Any]) -> TrialSpec:
+    """Specification from the plain values of `spec_values`."""
+    return TrialSpec(**{**values, "scenario": Scenario(**values["scenario"])})
+
+
+def read_record(path: Path) -> TrialRecord:
+    """Read a shard.
+
+    Raises
+    ------
+    RequestError : for a file that is no shard or of another record version.
+    """
+    with opened(path) as shard:
+        return record_of(shard, facts_of(shard, path))
+
+
+def read_replay(path: Path) -> Replay:
+    """Read the replay that a shard holds; errors as of `read_record`."""
+    with opened(path) as shard:
+        facts_of(shard, path)
+        table = shard.read(["step", *REPLAY_COLUMNS], use_threads=False).to_pylist()
+    rows = [row for row in table if row["map"] is not None]
+    return Replay(
+        steps=[row["step"] for row in rows],
+        candidates=[row["candidates"] for row in rows],
+        choices=[row["choice"] for row in rows],
+        maps=[row["map"] for row in rows],
+        ellipses=[row["ellipses"] for row in rows],
+        landmarks=[np.array(row["landmark_estimates"], dtype=float).reshape(-1, 5) for row in rows],
+    )

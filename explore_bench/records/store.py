@@ -1,0 +1,206 @@
+"""The store: one Parquet shard a trial, written atomically under the key of everything that defines it."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from explore_bench.errors import RequestError, writing
+from explore_bench.records.provenance import forget_code, scenario_digest, trial_key
+from explore_bench.records.shard import (
+    Replay,
+    TrialRecord,
+    encode,
+    facts_of,
+    opened,
+    read_replay,
+    record_of,
+    spec_from,
+)
+from explore_bench.trial.run import TrialResult
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.trial.steps import SCHEMA_VERSION
+from explore_bench.world.scenario import PAPER, Scenario
+
+PROTOCOL_FILE = "protocol.json"
+ABANDONED_SECONDS = 3600.0
+"""A file half written for so long is that of a process that was killed."""
+
+_PROTOCOL = {"root": "root seed", "purpose": "purpose", "scenario": "scenario"}
+
+
+class Store:
+    """The shards of one results folder.
+
+    Raises
+    ------
+    RequestError : where the folder cannot be written, or holds records of another version or protocol.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.runs = folder.resolve() / "runs"  # whatever a strategy does to the working folder
+
+    def exists(self) -> bool:
+        """Whether the folder has been made ready before."""
+        return (self.runs / PROTOCOL_FILE).exists()
+
+    def open(self, root: int, purpose: str, scenario: Scenario | None = PAPER) -> None:
+        """Make the folder ready for trials of one root seed, purpose and scenario (None: of any), sizes aside."""
+        self.adopt({"schema": SCHEMA_VERSION, "root": root, "purpose": purpose, "scenario": _name(scenario)})
+
+    def adopt(self, protocol: Mapping[str, Any]) -> None:
+        """Make the folder ready for trials of a protocol, as `protocol()` gives it of another folder."""
+        forget_code()
+        try:
+            self.runs.mkdir(parents=True, exist_ok=True)
+            file = self.runs / PROTOCOL_FILE
+            if not file.exists():
+                _write_atomically(file, json.dumps(protocol).encode())
+            _remove_abandoned(self.runs)
+        except OSError as error:
+            raise RequestError(
+                f"results folder '{self.folder}' cannot be written ({error.strerror}); give another with --results."
+            ) from None
+        if not os.access(self.runs, os.W_OK):
+            raise RequestError(f"results folder '{self.folder}' is not writable; give another with --results.")
+        self.require(protocol)
+
+    def require(self, protocol: Mapping[str, Any]) -> None:
+        """Refuse a folder whose trials are not of this protocol."""
+        stored = self.protocol()
+        for name, words in _PROTOCOL.items():
+            if stored[name] != protocol[name]:
+                raise RequestError(
+                    f"results folder '{self.folder}' holds trials of {words} '{stored[name]}', not '{protocol[name]}'; "
+                    "give another with --results."
+                )
+
+    def protocol(self) -> dict[str, Any]:
+        """Return record version, root seed, purpose and scenario of the folder's trials."""
+        file = self.runs / PROTOCOL_FILE
+        if not file.is_file():
+            raise RequestError(
+                f"results folder '{self.folder}' holds no trials; run some with 'explore-bench run SUITE'."
+            )
+        damaged = RequestError(f"'{file}' is damaged; delete it and the folder it lies in.")
+        try:
+            protocol = json.loads(file.read_text())
+            version = protocol["schema"]
+        except (ValueError, KeyError, TypeError):
+            raise damaged from None
+        if version != SCHEMA_VERSION:
+            raise RequestError(
+                f"results folder '{self.folder}' holds trials of record version {version}, not {SCHEMA_VERSION}; "
+                "give another with --results."
+            )
+        if not _PROTOCOL.keys() <= protocol.keys():
+            raise damaged
+        return dict(protocol)
+
+    def path(self, key: str) -> Path:
+        """File of the shard with this key."""
+        return self.runs / f"{key}.parquet"
+
+    def write(self, result: TrialResult, key: str | None = None) -> None:
+        """Write a trial's shard, under the key that its code has now if none is given."""
+        self.keep(key or trial_key(result.spec), encode(result))
+
+    def keep(self, key: str, shard: bytes) -> None:
+        """Write the bytes of a shard: whole or not at all.
+
+        Raises
+        ------
+        RequestError : where it cannot be written.
+        """
+        path = self.path(key)
+        with writing(path):
+            _write_atomically(path, shard)
+
+    def has(self, spec: TrialSpec) -> bool:
+        """Whether a trial is stored; one that failed for want of time, memory or disk does not count."""
+        path = self.path(trial_key(spec))
+        if not path.is_file():
+            return False
+        with opened(path) as shard:
+            return not facts_of(shard, path)["transient"]
+
+    def find(self, spec: TrialSpec) -> TrialRecord:
+        """Read a stored trial."""
+        return read_record(self.path(trial_key(spec)))
+
+    def replay(self, spec: TrialSpec) -> Replay:
+        """Read the replay of a stored trial."""
+        return read_replay(self.path(trial_key(spec)))
+
+    def records(self) -> tuple[list[TrialRecord], int]:
+        """All trials of the folder whose key is still that of their specification, and how many are stale.
+
+        A trial is stale where the code or the libraries that it ran have changed since. The order is that of
+        `trials.csv`: strategy, training seed, size, trial.
+        """
+        found = [record for _, record in self.survey()]
+        current = [record for record in found if record is not None]
+        return sorted(current, key=_order), len(found) - len(current)
+
+    def survey(self) -> Iterator[tuple[Path, TrialRecord | None]]:
+        """Every shard in the order of the keys, with its record, or None where it is stale."""
+        self.protocol()
+        for path in sorted(self.runs.glob("*.parquet")):
+            with opened(path) as shard:
+                facts = facts_of(shard, path)
+                record = record_of(shard, facts) if _is_current(facts["spec"], path.stem) else None
+            yield path, record
+
+
+def _order(record: TrialRecord) -> tuple[str, int, float, int]:
+    spec = record.spec
+    return spec.strategy, -1 if spec.training_seed is None else spec.training_seed, spec.scenario.size, spec.trial
+
+
+def _is_current(values: dict[str, Any], key: str) -> bool:
+    try:
+        return trial_key(spec_from(values)) == key
+    except (OSError, RequestError):
+        return False  # a plugin's file that is gone or broken, a constant that is no more
+
+
+def _name(scenario: Scenario | None) -> str:
+    """Constants that differ from the paper's, the size aside; "any" for None."""
+    if scenario is None:
+        return "any"
+    differs = {
+        key: value for key, value in scenario.model_dump(exclude={"size"}).items() if value != getattr(PAPER, key)
+    }
+    if scenario.map is not None:
+        differs["map"] = scenario_digest(Scenario(map=scenario.map))
+    return ", ".join(f"{key}={value}" for key, value in differs.items()) or "paper"
+
+
+def _write_atomically(path: Path, content: bytes) -> None:
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove what killed processes had half written; files of others that write now are younger."""
+    for half in folder.glob(".*"):
+        if time.time() - half.stat().st_mtime > ABANDONED_SECONDS:
+            half.unlink(missing_ok=True)
+
+
+def missing(store: Store, specs: Sequence[TrialSpec]) -> Iterator[TrialSpec]:
+    """Trials of a plan that the store does not hold."""
+    return (spec for spec in specs if not store.has(spec))

@@ -1,0 +1,159 @@
+"""What the records say of the claims: a verdict and a sentence each, and every comparison with its numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from explore_bench.analysis.claims import (
+    LEVEL,
+    SEEDS,
+    Claim,
+    Comparison,
+    Finding,
+    as_values,
+    claims,
+    examine,
+    metric_of,
+    verdict,
+)
+from explore_bench.analysis.training_curve import TRAINING_METRICS
+from explore_bench.report.html import Section
+from explore_bench.report.style import entry_of
+from explore_bench.report.tables import Scope, Table, interval_text, number_text, signed_text
+
+HEADER = (
+    *("claimed better", "than", "metric", "size [m]", "verdict", "n", "means", "difference", "relative [%]"),
+    *("p", "p, Holm", "d_z", "P(better)", "seeds", "single seeds"),
+)
+NOTE = (
+    "Difference: mean of the one claimed better minus the other's over n worlds that both tried [95 % BCa bootstrap "
+    "interval], training seeds averaged within a world first. p: two-sided permutation test, signs flipped by world. "
+    "Holm: over the comparisons of the claim. d_z: mean over standard deviation of the paired differences, positive "
+    "where the claim would have it. P(better): share of the worlds on which the claim holds, ties half. Single seeds: "
+    "smallest–largest mean of one training seed. Training curves are compared between training seeds, unpaired: n is "
+    "the smaller number of seeds, labels are exchanged for p, d_z and P(better) are over all pairs of seeds, and the "
+    "interval, a percentile one, is too narrow for so few: there p counts. "
+    + "; ".join(f"{metric.symbol}: {metric.equation}" for metric in TRAINING_METRICS.values())
+    + "."
+)
+INTRODUCTION = (
+    f"A comparison is supported (or contradicted) where its p-value after Holm's correction is at most {LEVEL:g}; a "
+    "claim is supported where all of its comparisons are, contradicted where one is, and not shown otherwise: the "
+    "trials then say neither. Holm's correction asks more of each comparison the more of them there are, so that luck "
+    "passes for a finding in at most one of twenty claims of which nothing is true. "
+    "Intervals over worlds say how sure a difference is for the weights at hand; a claim about an architecture with "
+    f"fewer than {SEEDS} training seeds on either side can at best read 'for these weights'."
+)
+
+
+def examined(trials: pd.DataFrame) -> dict[Claim, list[Finding]]:
+    """Every claim with what the records say of it."""
+    return {claim: examine(claim, trials) for claim in claims()}
+
+
+def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
+    """Write claims.md and claims.json; returns the files."""
+    page = [f"# Do the claims hold?\n\n{INTRODUCTION}\n\n{NOTE}\n", overview(found).markdown()]
+    for claim, findings in found.items():
+        page.append(f"## Claim ({claim.name}): {verdict(findings)}\n\n{claim.statement} {summary(findings)}\n")
+        page.append(comparison_table(claim, findings).markdown())
+        page.append("\n".join(f"- {sentence(finding)}" for finding in findings) + "\n")
+    values = [_values(claim, findings) for claim, findings in found.items()]
+    files = {"claims.md": "\n".join(page), "claims.json": json.dumps(values, indent=1, ensure_ascii=False) + "\n"}
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [folder / name for name in files]
+
+
+def _values(claim: Claim, findings: list[Finding]) -> dict[str, Any]:
+    """A claim and its findings as plain values, each with its sentence."""
+    values = as_values(claim, findings)
+    for own, finding in zip(values["comparisons"], findings, strict=True):
+        own["sentence"] = sentence(finding)
+    return values
+
+
+def claims_section(found: dict[Claim, list[Finding]]) -> Section:
+    """Return the claims as a part of the page."""
+    tables = [table(*item) for item in found.items() for table in (words_table, comparison_table)]
+    return Section("Do the paper's claims hold?", (INTRODUCTION, NOTE), (overview(found), *tables))
+
+
+def overview(found: dict[Claim, list[Finding]]) -> Table:
+    """One line a claim."""
+    rows = [(claim.name, claim.statement, verdict(own), summary(own)) for claim, own in found.items()]
+    return Table("Claims and verdicts", ("claim", "statement", "verdict", "comparisons"), tuple(rows))
+
+
+def summary(findings: list[Finding]) -> str:
+    """How many comparisons came out how."""
+    counts = pd.Series([finding.verdict for finding in findings]).value_counts(sort=False)
+    parts = ", ".join(f"{count} {word}" for word, count in counts.items())
+    return f"Of {len(findings)} comparisons: {parts}."
+
+
+def words_table(claim: Claim, findings: list[Finding]) -> Table:
+    """Every comparison of a claim as a sentence."""
+    rows = tuple((finding.verdict, sentence(finding)) for finding in findings)
+    return Table(f"Claim ({claim.name}) in words", ("verdict", "comparison"), rows)
+
+
+def comparison_table(claim: Claim, findings: list[Finding]) -> Table:
+    """Every comparison of a claim with its numbers."""
+    asked = [finding.comparison for finding in findings]
+    scopes = tuple(Scope((own.better, own.worse), own.size) for own in asked)
+    return Table(f"Claim ({claim.name}): {claim.statement}", HEADER, tuple(map(_row, findings)), scopes=scopes)
+
+
+def _row(finding: Finding) -> tuple[str, ...]:
+    asked, metric = finding.comparison, metric_of(finding.comparison)
+    names = entry_of(asked.better).label, entry_of(asked.worse).label
+    size = "training" if asked.size is None else f"{asked.size:g}"
+    if not finding.n:
+        return (*names, metric.symbol, size, finding.verdict, "0", *["–"] * 9)
+    return (
+        *names,
+        metric.symbol,
+        size,
+        finding.verdict,
+        str(finding.n),
+        " / ".join(number_text(mean, mean) for mean in finding.means),
+        interval_text(finding.difference),
+        signed_text(100 * finding.relative),
+        *(f"{p:.4f}" for p in (finding.p, finding.p_holm)),
+        signed_text(finding.effect, 2),
+        f"{finding.improvement:.2f}",
+        " / ".join(str(count) if count else "–" for count in finding.seeds),
+        " / ".join(
+            f"{number_text(low, low)}–{number_text(high, high)}" if count > 1 else "–"
+            for (low, high), count in zip(finding.ranges, finding.seeds, strict=True)
+        ),
+    )
+
+
+def sentence(finding: Finding) -> str:
+    """What a comparison found, in plain words."""
+    asked, metric = finding.comparison, metric_of(finding.comparison)
+    a, b = entry_of(asked.better).label, entry_of(asked.worse).label
+    where = "in training" if asked.size is None else f"at {asked.size:g} m"
+    if not finding.n:
+        return f"{a} and {b} {where}: not both measured in {_named(asked)}."
+    first, second = (number_text(mean, mean) for mean in finding.means)
+    more = "higher" if finding.difference.mean > 0 else "lower"
+    units = f" {metric.unit}" if metric.unit != "1" else ""
+    what = "training seeds" if asked.size is None else "worlds"
+    return (
+        f"{a} has {abs(100 * finding.relative):.0f} % {more} {_named(asked)} than {b} {where} ({first} to {second}"
+        f"{units}; difference {interval_text(finding.difference)}, n = {finding.n} {what}, p = {finding.p_holm:.3f} "
+        f"after Holm): {finding.verdict}."
+    )
+
+
+def _named(asked: Comparison) -> str:
+    """Metric in words, with its symbol where that says more."""
+    words = asked.metric.replace("_", " ")
+    return words if asked.size is None else f"{words} {metric_of(asked).symbol}"

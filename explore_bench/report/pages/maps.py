@@ -1,0 +1,101 @@
+"""How strategies do in given maps: a table of strategy and map, and a figure of the ways through each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
+
+from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.analysis.tables import by_world
+from explore_bench.records.shard import TrialRecord
+from explore_bench.report.scene import squares
+from explore_bench.report.style import entry_of, save_all, styled
+from explore_bench.report.tables import PAPER_METRICS, Table, heading, interval_text, shown_name
+from explore_bench.strategies.registry import in_order
+
+SHOWN_METRICS = (*PAPER_METRICS, "t90", "explored")
+COLUMNS = 4
+OBSTACLE, UNCOUNTED, LANDMARK = "#707070", "#e4e4e4", "#000000"
+
+
+def write_map_report(trials: pd.DataFrame, records: Sequence[TrialRecord], folder: Path) -> list[Path]:
+    """Write the table and the figure `maps`; returns the files."""
+    written = maps_table(trials).write(folder / "tables", "maps")
+    with styled():
+        return written + save_all(maps_figure(records), folder / "figures" / "maps")
+
+
+def maps_table(trials: pd.DataFrame) -> Table:
+    """Means of e, η, the time to 90 % and the known share of every strategy in every map."""
+    maps = sorted(set(trials["scenario"]))
+    cells = {(str(name), str(own)): cell for (name, own), cell in trials.groupby(["strategy", "scenario"])}
+    rows = []
+    for name in in_order({strategy for strategy, _ in cells}):
+        own = [cells.get((name, one)) for one in maps]
+        label = shown_name(name)
+        rows += [(label, heading(METRICS[metric]), *(_mean(cell, metric) for cell in own)) for metric in SHOWN_METRICS]
+        rows.append((label, "trials not explored", *map(_unfinished, own)))
+    note = (
+        "Mean over worlds of a map, which differ in landmarks and start [95 % BCa bootstrap interval], training seeds "
+        "averaged within a world first. e and η are over all cells of the square that holds the map, T90 and the known "
+        "share c over those that count: the ones that can be reached and the obstacles beside them."
+    )
+    return Table("Strategies in given maps", ("Method", "", *maps), tuple(rows), note)
+
+
+def _mean(cell: pd.DataFrame | None, metric: str) -> str:
+    values = np.array([] if cell is None else list(by_world(cell, metric).values()))
+    return interval_text(mean_interval(values)) if len(values) and np.isfinite(values).all() else "–"
+
+
+def _unfinished(cell: pd.DataFrame | None) -> str:
+    return "–" if cell is None else f"{int((cell['status'] != 'explored').sum())} of {len(cell)}"
+
+
+def maps_figure(records: Sequence[TrialRecord]) -> Figure | None:
+    """Every map with its landmarks in the first world and the true ways through it, of one training seed each."""
+    first = min((record.spec.trial for record in records), default=0)
+    shown: dict[str, dict[str, TrialRecord]] = {}
+    for record in records:
+        if record.spec.trial == first and len(record.steps["step"]):
+            shown.setdefault(record.spec.scenario_name, {}).setdefault(record.spec.strategy, record)
+    if not shown:
+        return None
+    columns = min(COLUMNS, len(shown))
+    rows = -(-len(shown) // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(3.2 * columns, 3.4 * rows + 0.6), squeeze=False)
+    for axes in grid.flat[len(shown) :]:
+        axes.remove()
+    for axes, (name, own) in zip(grid.flat, sorted(shown.items()), strict=False):
+        axes.set_title(name)
+        _draw_ways(axes, own)
+    names = in_order({name for own in shown.values() for name in own})
+    handles = [Line2D([], [], color=entry_of(name).color, label=shown_name(name)) for name in names]
+    handles.append(Line2D([], [], marker="+", color=LANDMARK, linestyle="none", label="landmark"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=8)
+    figure.suptitle(f"True ways in world {first}; light grey does not count", fontsize=10)
+    return figure
+
+
+def _draw_ways(axes: Axes, own: dict[str, TrialRecord]) -> None:
+    """Draw the true map and the true trajectories of some strategies in it."""
+    world = next(iter(own.values())).world
+    edge = world.cells * world.cell_size
+    for cells, color in ((~world.counted, UNCOUNTED), (world.obstacles & world.counted, OBSTACLE)):
+        axes.add_patch(PathPatch(squares(cells, world.cell_size), facecolor=color, edgecolor="none"))
+    for name in in_order(own):
+        steps = own[name].steps
+        style = "--" if entry_of(name).reference else "-"
+        axes.plot(steps["true_x"], steps["true_y"], style, color=entry_of(name).color, linewidth=0.9)
+    axes.plot(*world.landmarks.T, "+", color=LANDMARK, markersize=7, markeredgewidth=1.4)
+    axes.set(xlim=(0, edge), ylim=(0, edge), aspect="equal", xticks=[], yticks=[])
+    axes.grid(False)

@@ -1,0 +1,80 @@
+"""Path following: from an estimated pose and the waypoints ahead to motion commands."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, Pose, compose, wrap_angle
+from explore_bench.world.scenario import Scenario
+
+Command = tuple[float, float]
+"""One motion command: turn in place by an angle [rad], or go straight by a length [m]; the other is 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """The rule by which the robot drives: turn when the bearing is off by more than a threshold, else go straight.
+
+    Attributes
+    ----------
+    step_length : longest straight command [m].
+    turn_threshold : bearing error that asks for a turn in place [rad].
+    arrival_radius : distance at which a waypoint is reached [m].
+    """
+
+    step_length: float
+    turn_threshold: float
+    arrival_radius: float
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Driver:
+        """Return the driver of a scenario."""
+        return cls(scenario.step_length, math.radians(scenario.turn_threshold_deg), scenario.arrival_radius)
+
+    def command(self, pose: Pose, waypoint: tuple[float, float]) -> Command | None:
+        """Next command towards a waypoint [m], or None when it is reached."""
+        turn, forward = _command(pose, waypoint, self.step_length, self.turn_threshold, self.arrival_radius)
+        return None if turn == 0.0 and forward == 0.0 else (turn, forward)
+
+    def follow(self, pose: Pose, waypoints: Array) -> Array:
+        """Commands that follow waypoints of shape (W, 2) [m] without noise, as rows (turn, forward), shape (K, 2)."""
+        return _follow(pose, waypoints, self.step_length, self.turn_threshold, self.arrival_radius)
+
+
+@jit
+def _command(
+    pose: Pose,
+    waypoint: tuple[float, float],
+    step_length: float,
+    turn_threshold: float,
+    arrival_radius: float,
+) -> Command:
+    dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
+    distance = math.hypot(dx, dy)
+    if distance <= arrival_radius:
+        return 0.0, 0.0
+    turn = wrap_angle(math.atan2(dy, dx) - pose[2])
+    if abs(turn) > turn_threshold:
+        return turn, 0.0
+    return 0.0, min(step_length, distance)
+
+
+@jit
+def _follow(pose: Pose, waypoints: Array, step_length: float, turn_threshold: float, arrival_radius: float) -> Array:
+    commands = []
+    for w in range(waypoints.shape[0]):
+        waypoint = (waypoints[w, 0], waypoints[w, 1])
+        while True:
+            turn, forward = _command(pose, waypoint, step_length, turn_threshold, arrival_radius)
+            if turn == 0.0 and forward == 0.0:
+                break
+            commands.append((turn, forward))
+            pose = compose(pose, (forward, 0.0, turn))
+    result = np.empty((len(commands), 2))
+    for k in range(len(commands)):
+        result[k, 0], result[k, 1] = commands[k]
+    return result

@@ -1,0 +1,117 @@
+"""The only importer of gtsam: incremental smoothing (iSAM2) over prior, odometry and bearing-range factors."""
+
+from __future__ import annotations
+
+import math
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import L, X
+
+from explore_bench.geometry import Array, Pose, compose
+from explore_bench.robot.landmark.driver import Command
+from explore_bench.world.scenario import Scenario
+from explore_bench.world.signals import Scan
+
+RELINEARIZE_THRESHOLD = 0.01
+"""Change of a variable [m or rad] beyond which iSAM2 linearizes its factors anew, looked for at every update."""
+
+UNMOVED = 1e-9
+"""Change of an estimate [m, rad] that counts as none."""
+
+
+class FactorGraph:
+    """The SLAM graph and its current estimate.
+
+    Landmarks are numbered in the order of their first sighting; `landmark_ids` maps back to the sensor's ids.
+    """
+
+    def __init__(self, scenario: Scenario, start: Pose) -> None:
+        self._start = start
+        parameters = gtsam.ISAM2Params()
+        parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
+        parameters.relinearizeSkip = 1
+        self._isam = gtsam.ISAM2(parameters)
+        heading = math.radians(scenario.heading_sigma_deg)
+        self._prior = _sigmas(
+            scenario.prior_sigma, scenario.prior_sigma, math.radians(scenario.prior_heading_sigma_deg)
+        )
+        self._straight = _sigmas(scenario.odometry_sigma, scenario.odometry_sigma, heading)
+        self._turn = _sigmas(scenario.turn_sigma, scenario.turn_sigma, heading)
+        self._sighting = _sigmas(math.radians(scenario.bearing_sigma_deg), scenario.range_sigma)
+        self._number: dict[int, int] = {}
+        self._steps = -1
+        self._pose: Pose = start
+
+    @property
+    def landmark_ids(self) -> list[int]:
+        """Sensor's id of each landmark, in the order of first sighting."""
+        return list(self._number)
+
+    def numbers(self, ids: np.ndarray) -> list[int]:
+        """Numbers, by first sighting, of landmarks already in the graph."""
+        return [self._number[int(i)] for i in ids]
+
+    def add(self, command: Command | None, scan: Scan) -> bool:
+        """Add a step: its odometry factor (the prior at the first, when `command` is None) and its sightings.
+
+        Returns whether estimates of earlier variables changed. Without a sighting the new pose is a leaf whose
+        factor the estimate satisfies, so nothing else moves unless iSAM2 goes on to converge.
+        """
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._steps += 1
+        key = X(self._steps)
+        if command is None:
+            guess = self._start
+            graph.add(gtsam.PriorFactorPose2(key, gtsam.Pose2(*guess), self._prior))
+        else:
+            turn, forward = command
+            guess = compose(self._pose, (forward, 0.0, turn))
+            motion = gtsam.Pose2(forward, 0.0, turn)
+            noise = self._straight if forward else self._turn
+            graph.add(gtsam.BetweenFactorPose2(X(self._steps - 1), key, motion, noise))
+        values.insert(key, gtsam.Pose2(*guess))
+        for landmark, bearing, distance in zip(
+            scan.landmarks.tolist(), scan.bearings.tolist(), scan.ranges.tolist(), strict=True
+        ):
+            number = self._number.get(landmark)
+            if number is None:
+                number = self._number[landmark] = len(self._number)
+                angle = guess[2] + bearing
+                point = np.array([guess[0] + distance * math.cos(angle), guess[1] + distance * math.sin(angle)])
+                values.insert(L(number), point)
+            graph.add(gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting))
+        self._isam.update(graph, values)
+        return command is None or len(scan.landmarks) > 0 or self._has_moved(self._steps - 1)
+
+    def newest_pose(self) -> Pose:
+        """Estimate of the newest pose."""
+        self._pose = self._pose_estimate(self._steps)
+        return self._pose
+
+    def _pose_estimate(self, step: int) -> Pose:
+        pose = self._isam.calculateEstimatePose2(X(step))
+        return pose.x(), pose.y(), pose.theta()
+
+    def _has_moved(self, step: int) -> bool:
+        """Whether the pose that was the newest before this step is no longer where it was.
+
+        iSAM2 solves from the root of its Bayes tree, which holds the newest poses, downwards: while they stand
+        still, so does everything below.
+        """
+        now = self._pose_estimate(step)
+        return max(abs(a - b) for a, b in zip(now, self._pose, strict=True)) > UNMOVED
+
+    def estimate(self) -> tuple[Array, Array]:
+        """Estimates of all poses, shape (N, 3), and landmarks, shape (M, 2), in order."""
+        values = self._isam.calculateEstimate()
+        poses = gtsam.utilities.extractPose2(values)
+        landmarks = gtsam.utilities.extractPoint2(values) if self._number else np.empty((0, 2))
+        landmarks = np.ascontiguousarray(landmarks)
+        x, y, heading = poses[-1].tolist()
+        self._pose = (x, y, heading)
+        return poses, landmarks
+
+
+def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:
+    return gtsam.noiseModel.Diagonal.Sigmas(np.array(values))

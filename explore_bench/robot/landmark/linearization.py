@@ -1,0 +1,141 @@
+"""The factor graph linearized at the current estimate, as whitened Jacobian blocks.
+
+Perturbations are gtsam's: a pose moves in its own frame, x ← x Exp(δ); a landmark moves in the world's. The error
+of an odometry factor is the true logarithm Log(z⁻¹ · xᵢ⁻¹ xⱼ), whose derivative enters both blocks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, between, wrap_angle
+from explore_bench.world.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """Standard deviations of the factors [m, rad]."""
+
+    prior: float
+    prior_heading: float
+    straight: float
+    turn: float
+    heading: float
+    bearing: float
+    range: float
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> NoiseModel:
+        """Return the noise of a scenario."""
+        return cls(
+            prior=scenario.prior_sigma,
+            prior_heading=math.radians(scenario.prior_heading_sigma_deg),
+            straight=scenario.odometry_sigma,
+            turn=scenario.turn_sigma,
+            heading=math.radians(scenario.heading_sigma_deg),
+            bearing=math.radians(scenario.bearing_sigma_deg),
+            range=scenario.range_sigma,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Linearization:
+    """Whitened Jacobians of N − 1 odometry factors and K sightings; row k of the odometry joins poses k and k + 1.
+
+    Attributes
+    ----------
+    prior : square root information of the start's prior, shape (3, 3).
+    odometry_from, odometry_to : blocks of the earlier and the later pose, shape (N − 1, 3, 3).
+    sighting_poses, sighting_landmarks : which pose sighted which landmark, shape (K,), poses ascending.
+    bearing_range_pose, bearing_range_landmark : blocks of a sighting, shapes (K, 2, 3) and (K, 2, 2).
+    """
+
+    prior: Array
+    odometry_from: Array
+    odometry_to: Array
+    sighting_poses: NDArray[np.int64]
+    sighting_landmarks: NDArray[np.int64]
+    bearing_range_pose: Array
+    bearing_range_landmark: Array
+
+
+@jit
+def linearize_odometry(
+    first: int,
+    poses: Array,
+    commands: Array,
+    straight_sigma: float,
+    turn_sigma: float,
+    heading_sigma: float,
+    odometry_from: Array,
+    odometry_to: Array,
+) -> None:
+    """Fill the blocks of the odometry factors from row `first` to the newest pose."""
+    ad = np.zeros((3, 3))
+    for k in range(first, poses.shape[0] - 1):
+        turn, forward = commands[k, 0], commands[k, 1]
+        x, y, angle = between(
+            (poses[k, 0], poses[k, 1], poses[k, 2]), (poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2])
+        )
+        # E = z⁻¹ · h with z = (forward, 0, turn): its logarithm (u, v, w), and the derivative of the logarithm,
+        # I + ad/2 + c ad², since ad³ = −w² ad in SE(2).
+        c, s = math.cos(turn), math.sin(turn)
+        tx, ty = c * (x - forward) + s * y, c * y - s * (x - forward)
+        w = wrap_angle(angle - turn)
+        if abs(w) < 1e-4:
+            half_cot = 1.0 - w * w / 12.0
+            series = 1.0 / 12.0 + w * w / 720.0
+        else:
+            half_cot = 0.5 * w / math.tan(0.5 * w)
+            series = (1.0 - half_cot) / (w * w)
+        u, v = half_cot * tx + 0.5 * w * ty, half_cot * ty - 0.5 * w * tx
+        ad[0, 1], ad[0, 2] = -w, v
+        ad[1, 0], ad[1, 2] = w, -u
+        translation = 1.0 / (straight_sigma if forward != 0.0 else turn_sigma)
+        for i in range(3):
+            weight = translation if i < 2 else 1.0 / heading_sigma
+            for j in range(3):
+                square = ad[i, 0] * ad[0, j] + ad[i, 1] * ad[1, j]
+                value = (1.0 if i == j else 0.0) + 0.5 * ad[i, j] + series * square
+                odometry_to[k, i, j] = weight * value
+        # Ad of h⁻¹ = (R(−angle), −R(−angle) t)
+        c, s = math.cos(angle), math.sin(angle)
+        inverse_x, inverse_y = -c * x - s * y, s * x - c * y
+        for i in range(3):
+            a, b, d = odometry_to[k, i, 0], odometry_to[k, i, 1], odometry_to[k, i, 2]
+            odometry_from[k, i, 0] = -(a * c - b * s)
+            odometry_from[k, i, 1] = -(a * s + b * c)
+            odometry_from[k, i, 2] = -(a * inverse_y - b * inverse_x + d)
+
+
+@jit
+def linearize_sightings(
+    first: int,
+    poses: Array,
+    landmarks: Array,
+    sighting_poses: NDArray[np.int64],
+    sighting_landmarks: NDArray[np.int64],
+    bearing_sigma: float,
+    range_sigma: float,
+    bearing_range_pose: Array,
+    bearing_range_landmark: Array,
+) -> None:
+    """Fill the blocks of the sightings from row `first` on: first row the bearing, second the range."""
+    for k in range(first, sighting_poses.shape[0]):
+        p, m = sighting_poses[k], sighting_landmarks[k]
+        dx, dy = landmarks[m, 0] - poses[p, 0], landmarks[m, 1] - poses[p, 1]
+        c, s = math.cos(poses[p, 2]), math.sin(poses[p, 2])
+        qx, qy = c * dx + s * dy, c * dy - s * dx
+        r = math.hypot(dx, dy)
+        bearing, distance = 1.0 / (bearing_sigma * r * r), 1.0 / (range_sigma * r)
+        bearing_range_pose[k, 0, 0], bearing_range_pose[k, 0, 1] = bearing * qy, -bearing * qx
+        bearing_range_pose[k, 0, 2] = -1.0 / bearing_sigma
+        bearing_range_pose[k, 1, 0], bearing_range_pose[k, 1, 1] = -distance * qx, -distance * qy
+        bearing_range_pose[k, 1, 2] = 0.0
+        bearing_range_landmark[k, 0, 0], bearing_range_landmark[k, 0, 1] = -bearing * dy, bearing * dx
+        bearing_range_landmark[k, 1, 0], bearing_range_landmark[k, 1, 1] = distance * dx, distance * dy

@@ -1,0 +1,177 @@
+"""Belief propagated along a path that the robot has not driven yet, with maximum-likelihood measurements ([25])."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, Pose, centres, compose
+from explore_bench.robot.belief import Belief
+from explore_bench.robot.landmark.block_arrow import eliminate, invert_corner, recover
+from explore_bench.robot.landmark.driver import Driver
+from explore_bench.robot.landmark.linearization import NoiseModel, linearize_odometry, linearize_sightings
+from explore_bench.robot.virtual_map import NOTHING_HIDDEN, constants_of, fuse_poses, key_poses, uncertainty
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the belief would become at the end of a path, if every measurement came out as expected.
+
+    The graph is extended by the steps of the path and by a sighting of every known landmark within range of each,
+    and solved exactly: covariances of past poses and of landmarks change as they would.
+
+    Attributes
+    ----------
+    belief : the belief it starts from.
+    poses : predicted steps, shape (K, 3).
+    sightings : number of landmark sightings along the way.
+    landmark_covariances : marginal of each landmark at the end, shape (M, 2, 2).
+    pose_covariances : marginals of the past poses and the predicted ones in the world frame, shape (N + K, 3, 3).
+    """
+
+    belief: Belief
+    poses: Array
+    sightings: int
+    landmark_covariances: Array
+    pose_covariances: Array
+
+    @cached_property
+    def virtual_map(self) -> Array:
+        """Covariance (xx, xy, yy) of every virtual landmark at the end, shape (n, n, 3).
+
+        On the way nothing hides a cell. Where obstacles occlude, cells keep at least the covariance that they have:
+        which past pose saw which of them is not part of a belief.
+        """
+        belief = self.belief
+        scenario, past = belief.scenario, len(belief.poses)
+        trajectory = np.concatenate((belief.poses, self.poses))
+        used = key_poses(trajectory, scenario.key_pose_spacing)
+        grid = belief.virtual_map.reshape(-1, 3).copy()
+        prior = np.array([1.0, 0.0, 1.0]) * scenario.virtual_sigma**2
+        seen = np.any(grid != prior, axis=1)
+        first = past
+        if self.sightings and not scenario.occlusion:  # past covariances changed: their cells change as well
+            grid[:] = prior
+            seen[:] = False
+            first = 0
+        fuse_poses(
+            grid,
+            seen,
+            trajectory[first:],
+            self.pose_covariances[first:],
+            used[first:],
+            constants_of(scenario),
+            *NOTHING_HIDDEN,
+        )
+        return grid.reshape(belief.virtual_map.shape)
+
+    @cached_property
+    def uncertainty(self) -> float:
+        """U of Eq. 1 at the end of the path [m²]."""
+        return uncertainty(self.virtual_map.reshape(-1, 3))
+
+
+def predict(belief: Belief, path: ArrayLike) -> Prediction:
+    """Propagate the belief exactly along a path.
+
+    Parameters
+    ----------
+    belief : where to start from.
+    path : cells to drive through, shape (P,), as in `Observation.paths`; the first may be the robot's own.
+    """
+    scenario = belief.scenario
+    cells = np.asarray(path, dtype=np.int64)
+    waypoints = centres(cells, scenario.cells, scenario.cell_size)
+    commands = Driver.of(scenario).follow(belief.pose, waypoints[1:] if len(waypoints) > 1 else waypoints)
+    past, added, count = len(belief.poses), len(commands), len(belief.landmarks)
+    noise = NoiseModel.of(scenario)
+    poses, sighting_poses, sighting_landmarks = _roll_out(
+        belief.pose, commands, belief.landmarks.copy(), scenario.min_landmark_range, scenario.sensor_range
+    )
+    odometry_from, odometry_to = np.empty((added, 3, 3)), np.empty((added, 3, 3))
+    linearize_odometry(0, poses, commands, noise.straight, noise.turn, noise.heading, odometry_from, odometry_to)
+    of_pose, of_landmark = np.empty((len(sighting_poses), 2, 3)), np.empty((len(sighting_poses), 2, 2))
+    linearize_sightings(
+        0,
+        poses,
+        belief.landmarks.copy(),
+        sighting_poses,
+        sighting_landmarks,
+        noise.bearing,
+        noise.range,
+        of_pose,
+        of_landmark,
+    )
+    done = belief.elimination
+    corner = done.corner.copy()
+    pivots, gains = np.empty((added, 3, 3)), np.empty((added, 3, 3))
+    borders, widths = np.empty((added, 3, 2 * count)), np.empty(added, dtype=np.int64)
+    eliminate(
+        0,
+        added,
+        0,
+        odometry_from,
+        odometry_to,
+        sighting_poses,
+        sighting_landmarks,
+        of_pose,
+        of_landmark,
+        corner,
+        pivots,
+        gains,
+        borders,
+        widths,
+    )
+    corner_covariance = invert_corner(corner)
+    covariances = np.empty((past + added, 3, 3))
+    # without a sighting the past keeps its covariances, and the walk back may stop at the newest pose
+    from_past = slice(None) if len(sighting_poses) else slice(0, 0)
+    kept = 0 if len(sighting_poses) else past - 1
+    covariances[:kept] = belief.pose_covariances[:kept]
+    trajectory_headings = np.concatenate((belief.poses[kept:, 2], poses[1:, 2]))
+    recover(
+        past + added - 1 - kept,
+        corner_covariance,
+        np.concatenate((done.pivots[from_past], pivots)),
+        np.concatenate((done.gains[from_past], gains)),
+        np.concatenate((done.borders[from_past, :, : 2 * count], borders)),
+        np.concatenate((done.widths[from_past], widths)),
+        trajectory_headings,
+        covariances[kept:],
+    )
+    blocks = corner_covariance[3:, 3:].reshape(count, 2, count, 2)
+    return Prediction(
+        belief=belief,
+        poses=poses[1:],
+        sightings=len(sighting_poses),
+        landmark_covariances=np.einsum("iaib->iab", blocks),
+        pose_covariances=covariances,
+    )
+
+
+@jit
+def _roll_out(
+    pose: Pose, commands: Array, landmarks: Array, min_range: float, max_range: float
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Poses after each command (row 0: the start), and the sightings (row of the pose, landmark) they would make."""
+    steps, count = commands.shape[0], landmarks.shape[0]
+    poses = np.empty((steps + 1, 3))
+    poses[0] = pose
+    sighting_poses = np.empty(steps * count, dtype=np.int64)
+    sighting_landmarks = np.empty(steps * count, dtype=np.int64)
+    k = 0
+    for i in range(1, steps + 1):
+        pose = compose(pose, (commands[i - 1, 1], 0.0, commands[i - 1, 0]))
+        poses[i] = pose
+        for m in range(count):
+            dx, dy = landmarks[m, 0] - pose[0], landmarks[m, 1] - pose[1]
+            distance2 = dx * dx + dy * dy
+            if min_range * min_range <= distance2 <= max_range * max_range:
+                sighting_poses[k] = i
+                sighting_landmarks[k] = m
+                k += 1
+    return poses, sighting_poses[:k].copy(), sighting_landmarks[:k].copy()

@@ -1,0 +1,51 @@
+"""The conformance kit: the contract of a strategy as rules, each a sentence and the message of its failure.
+
+    from explore_bench.runs.conformance import check
+
+    def test_mine_keeps_the_contract():
+        for finding in check("./mine.py:Mine"):
+            assert finding.ok, finding
+
+A test, not a proof: docs/conformance.md says what it cannot see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from explore_bench.runs.conformance.evidence import Evidence
+from explore_bench.runs.conformance.rules import RULES
+from explore_bench.runs.conformance.subject import TIMEOUT, Subject
+from explore_bench.runs.conformance.verdict import Finding, Verdict
+
+__all__ = ["RULES", "Finding", "Verdict", "check", "findings"]
+
+
+def check(strategy: str, timeout: float = TIMEOUT) -> list[Finding]:
+    """Return what is found of every rule; a few seconds for a simple strategy.
+
+    Parameters
+    ----------
+    strategy : registered name, "module:factory" or "file.py:factory". A learned one is checked with the weights of
+        its first training seed.
+    timeout : seconds that its import, a trial, or the decisions of a trial may take.
+
+    Raises
+    ------
+    RequestError : where there is no such strategy, or it is not trained.
+    """
+    return list(findings(strategy, timeout))
+
+
+def findings(strategy: str, timeout: float = TIMEOUT) -> Iterator[Finding]:
+    """Yield what `check` returns, rule by rule."""
+    evidence = Evidence(Subject.of(strategy, timeout))
+    held: dict[str, Verdict] = {}
+    for rule in RULES:
+        unmet = next((name for name in rule.needs if held[name] is not Verdict.OK), None)
+        if unmet:
+            finding = Finding(rule.name, rule.sentence, Verdict.SKIPPED, f"the rule '{unmet}' comes first")
+        else:
+            finding = rule.apply(evidence)
+        held[rule.name] = finding.verdict
+        yield finding

@@ -1,0 +1,105 @@
+"""Asks a strategy about the observations of a tour, while another trial goes on around it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from explore_bench.errors import describe
+from explore_bench.runs.conformance.chance import watched
+from explore_bench.runs.conformance.digest import changed_part, digests
+from explore_bench.runs.conformance.subject import Subject
+from explore_bench.runs.conformance.tours import Tour, observations
+from explore_bench.strategies.contract import Observation
+from explore_bench.trial.containment import OutOfTime, time_limit
+from explore_bench.trial.rollout import rollout
+from explore_bench.world.landmark.world import draw_world
+
+ELSEWHERE = 1000
+"""How far the number of the trial that goes on around a tour is from the tour's own."""
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a strategy answered to the observations of a tour.
+
+    Attributes
+    ----------
+    given : each answer: an index, or in words what else it was.
+    counts : number of candidates at each decision of the tour.
+    error : what it did instead of the next answer; empty where it answered to the end.
+    late : whether that was for want of time.
+    modified : part of an observation that it changed; empty where it changed none.
+    drawn : modules from whose global generator it drew.
+    """
+
+    given: tuple[int | str, ...]
+    counts: tuple[int, ...]
+    error: str
+    late: bool
+    modified: str
+    drawn: tuple[str, ...]
+
+    def same_as(self, other: Answers) -> bool:
+        """Whether the two answered alike."""
+        return (self.given, self.error) == (other.given, other.error)
+
+
+def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) -> Answers:
+    """Show a tour to a strategy.
+
+    Around it, where a trial keeps its own, are the specification, the world and the rollout of another trial than
+    that of the tour: who looks there decides by a world that is not the one observed.
+
+    Parameters
+    ----------
+    strategy : one that was made before; None for a fresh one.
+    chance : number of the state of the global generators.
+    """
+    shown = observations(tour)
+    before = [digests(observation) for observation in shown]
+    counts = tuple(len(observation.candidates) for observation in shown)
+    spec = subject.spec(replace(tour, trial=tour.trial + ELSEWHERE))
+    world = draw_world(spec.scenario, spec.generator("world"))
+    events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"))
+    given: list[int | str] = []
+    drawn: list[str] = []
+    error, late, own = "", False, os.getpid()
+    try:
+        with contextlib.redirect_stdout(sys.stderr), time_limit(subject.timeout):
+            strategy = subject.make() if strategy is None else strategy
+            with watched(chance, drawn):
+                if spec.reference:
+                    strategy.reset_with_world(tour.generator("strategy"), tour.world())
+                else:
+                    strategy.reset(tour.generator("strategy"))
+                _ask(events, strategy, shown, given)
+    except OutOfTime:
+        error, late = f"it took longer than the {subject.timeout:g} s allowed", True
+    except KeyboardInterrupt:
+        raise
+    except BaseException as raised:
+        error = f"it raised {describe(raised)}"
+    finally:
+        if os.getpid() != own:  # it forked and came back twice
+            os._exit(0)
+    modified = next(filter(None, map(changed_part, before, shown)), "")
+    if modified:
+        observations.cache_clear()
+    return Answers(tuple(given), counts, error, late, modified, tuple(drawn))
+
+
+def _ask(events: Generator[Any, Any, Any], strategy: Any, shown: tuple[Observation, ...], given: list[Any]) -> None:
+    """Ask for a choice at each observation, while the rollout around it waits for one, too."""
+    while not isinstance(next(events), Observation):
+        pass
+    for observation in shown:
+        answer = strategy.choose(observation)
+        is_index = isinstance(answer, int | np.integer) and not isinstance(answer, bool | np.bool_)
+        given.append(int(answer) if is_index else f"{' '.join(repr(answer).split())} of type {type(answer).__name__}")

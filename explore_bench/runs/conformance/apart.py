@@ -1,0 +1,176 @@
+"""The strategy in processes of its own: a fresh interpreter, where it may do its worst, and the runner's workers."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import BinaryIO
+
+from explore_bench.errors import RequestError
+from explore_bench.records.store import Store
+from explore_bench.runs.conformance.answers import Answers, play
+from explore_bench.runs.conformance.subject import Subject
+from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour
+from explore_bench.runs.runner import execute
+from explore_bench.strategies.loading import StrategyError, check_methods
+from explore_bench.trial.containment import OutOfTime, time_limit
+from explore_bench.trial.run import run_trial
+from explore_bench.trial.spec import Status
+
+TOURS = (*ORDINARY, *SITUATIONS)
+
+GRACE = 30.0
+"""Seconds beyond its limit after which a process that cannot be interrupted is killed."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """How a trial went: its status and reason, the choices, the longest decision and the whole trial [s]."""
+
+    status: Status
+    reason: str
+    choices: tuple[int, ...]
+    late: bool = False
+    slowest: float = 0.0
+    seconds: float = 0.0
+
+
+@dataclass
+class Examination:
+    """What a strategy did in a fresh interpreter, as far as it came.
+
+    Attributes
+    ----------
+    wrong : what was asked for wrongly (there is no such module, it takes no such parameters); empty where nothing was.
+    refusal : why it cannot be made, in a sentence; empty where it can; None where it did not come to that.
+    tours : its answers to the observations of each of TOURS, in their order.
+    trials : its own trial in each of the worlds of TRIALS.
+    hung : whether it could be stopped only by killing its process.
+    death : how its process ended before its time, in words; empty where it did not.
+    """
+
+    wrong: str = ""
+    refusal: str | None = None
+    tours: dict[Tour, Answers] = field(default_factory=dict)
+    trials: dict[Tour, Played] = field(default_factory=dict)
+    hung: bool = False
+    death: str = ""
+
+
+def examine(subject: Subject) -> Examination:
+    """Examine a strategy in a fresh interpreter with another seed of hashes.
+
+    Raises
+    ------
+    RequestError : where there is no such strategy.
+    """
+    found = Examination()
+    read_end, write_end = os.pipe()
+    seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"from explore_bench.runs.conformance.apart import report; report({write_end})"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        pass_fds=(write_end,),
+        start_new_session=True,  # Ctrl-C is ours
+        env=os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    os.close(write_end)
+    with process, os.fdopen(read_end, "rb") as pipe:
+        assert process.stdin is not None
+        process.stdin.write(pickle.dumps(subject))
+        process.stdin.close()
+        try:
+            _receive(pipe, found, subject.timeout + GRACE)
+        except TimeoutError:
+            found.hung = True
+            found.death = f"was killed: nothing came of it in {subject.timeout:g} s, nor could it be interrupted"
+        except EOFError:
+            found.death = f"died (exit code {process.wait()})"
+        finally:
+            process.kill()
+    if found.wrong:
+        raise RequestError(found.wrong)
+    return found
+
+
+def _receive(pipe: BinaryIO, found: Examination, limit: float) -> None:
+    """Read what comes, until the last trial or something that ends the examination."""
+    while len(found.trials) < len(TRIALS) and not (found.refusal or found.wrong):
+        if not select.select([pipe], [], [], limit)[0]:
+            raise TimeoutError
+        name, tour, value = pickle.load(pipe)
+        if tour is None:
+            setattr(found, name, value)
+        else:
+            getattr(found, name)[tour] = value
+            if value.late:
+                return
+
+
+def report(descriptor: int) -> None:
+    """Examine the strategy that standard input names, and write each thing found as soon as it is (in the child)."""
+    subject: Subject = pickle.load(sys.stdin.buffer)
+    with os.fdopen(descriptor, "wb") as pipe:
+        for found in _stages(subject):
+            pipe.write(pickle.dumps(found))
+            pipe.flush()
+
+
+def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
+    try:
+        refusal = _refusal(subject)
+    except RequestError as error:
+        yield "wrong", None, str(error)
+        return
+    yield "refusal", None, refusal
+    if refusal:
+        return
+    for tour in TOURS:
+        yield "tours", tour, play(subject, tour)
+    for tour in TRIALS:
+        result = run_trial(subject.spec(tour), subject.timeout)
+        choices = tuple(made.choice for made in result.snapshots.values() if made.choice is not None)
+        slowest = max(result.decision_seconds, default=0.0)
+        late = result.transient and result.seconds >= subject.timeout
+        yield "trials", tour, Played(result.status, result.reason, choices, late, slowest, result.seconds)
+
+
+def _refusal(subject: Subject) -> str:
+    """Why a strategy cannot be made; empty where it can."""
+    if subject.entry.broken:
+        return subject.entry.broken
+    try:
+        with time_limit(subject.timeout):
+            check_methods(subject.make(), subject.entry.reference)
+    except OutOfTime:
+        return f"its import took longer than the {subject.timeout:g} s allowed"
+    except StrategyError as error:
+        return str(error).rstrip(".")
+    return ""
+
+
+def run_in_workers(subject: Subject) -> dict[Tour, Played]:
+    """Run the same trials as `explore_bench.run` does: in worker processes, each stored and read again.
+
+    Raises
+    ------
+    IncompleteError : where one could not be interrupted.
+    """
+    found = {}
+    with TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        store.open(0, "calibrate", None)
+        specs = {subject.spec(tour).trial: tour for tour in TRIALS}
+        assert len(specs) == len(TRIALS)
+        for outcome in execute([subject.spec(tour) for tour in TRIALS], store, len(TRIALS), timeout=subject.timeout):
+            choices = [choice for choice in store.replay(outcome.spec).choices if choice is not None]
+            found[specs[outcome.spec.trial]] = Played(outcome.status, outcome.reason, tuple(choices))
+    return found

@@ -1,0 +1,39 @@
+"""Digests of the parts of an observation, to tell whether somebody changed one."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from explore_bench.strategies.contract import Observation
+
+Digests = dict[str, bytes]
+"""Digest of each part by its dotted name."""
+
+
+def digests(observation: Observation) -> Digests:
+    """Digest of every part of an observation, the belief's and the linearization's own parts one by one."""
+    return dict(_parts(observation, ""))
+
+
+def changed_part(before: Digests, observation: Observation) -> str:
+    """Name of the first part that is no longer what it was; empty where all are."""
+    after = digests(observation)
+    return next((name for name in before if after.get(name) != before[name]), "")
+
+
+def _parts(value: Any, name: str) -> Iterator[tuple[str, bytes]]:
+    if hasattr(value, "__dataclass_fields__"):
+        for part in value.__dataclass_fields__:
+            yield from _parts(getattr(value, part), f"{name}.{part}".lstrip("."))
+        return
+    digest = hashlib.blake2b(digest_size=16)
+    for item in value if isinstance(value, tuple) else (value,):
+        if isinstance(item, np.ndarray):
+            digest.update(f"{item.dtype}{item.shape}".encode() + item.tobytes())
+        else:
+            digest.update(repr(item).encode())
+    yield name, digest.digest()

@@ -1,0 +1,204 @@
+"""Where a step's time goes, as ratios to iSAM2's own update measured in the same run.
+
+Whole trials give what a step costs in the benchmark; trajectories of short steps on the same maps give 1000 poses and
+more, and with them the growth of the cost with the length of the trajectory.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from explore_bench.analysis.csv_files import plain
+from explore_bench.errors import writing
+from explore_bench.strategies.entry import Entry
+from explore_bench.strategies.registry import strategies
+from explore_bench.trial.run import run_trial
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.scenario import PAPER
+
+SIZES = (20.0, 40.0)
+LENGTHS = (100, 300, 1000)
+WINDOW = 0.2
+"""A length stands for the steps within ± 10 % of it."""
+
+SHORT_STEPS = {20.0: 0.06, 40.0: 0.15}
+"""Step length [m] that makes trajectories of more than 1100 steps on a map of this size."""
+
+TRIALS = 5
+DECISION_TRIALS = 2
+ISAM2, DECISION = "isam2", "decision"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Median cost [µs] of a part of a step at a size [m] and a length of the trajectory (None: whole trials)."""
+
+    name: str
+    size: float
+    length: int | None
+    median_us: float
+    to_isam2: float
+
+
+@dataclass(frozen=True)
+class Perf:
+    """What `explore-bench perf` measures; keys of the mappings are sizes [m] as text.
+
+    Attributes
+    ----------
+    step_to_isam2_ratio : all that the steps of a whole trial cost over what iSAM2's updates cost, median over trials.
+    median_step_to_isam2_ratio : median step over median update, at each length.
+    step_growth_1000_over_100 : median step at 1000 poses over that at 100.
+    decision_ms : strategy → size → median time of a choice; NaN for a strategy that made none (null in JSON).
+    """
+
+    step_to_isam2_ratio: dict[str, float]
+    median_step_to_isam2_ratio: dict[str, dict[str, float]]
+    step_growth_1000_over_100: dict[str, float]
+    decision_ms: dict[str, dict[str, float]]
+    parts: list[Part]
+
+
+class Stopwatch:
+    """Collects the time of each part of each step; give `lap` to `run_trial`."""
+
+    def __init__(self) -> None:
+        self.steps: list[dict[str, float]] = [defaultdict(float)]
+        self._last = time.perf_counter()
+
+    def lap(self, part: str) -> None:
+        """Note the time since the last lap; the part `row` ends a step."""
+        now = time.perf_counter()
+        if part != DECISION:
+            self.steps[-1][part] += now - self._last
+        if part == "row":
+            self.steps.append(defaultdict(float))
+        self._last = time.perf_counter()
+
+
+def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
+    """Run the trials and take the times; about a minute, after a first run that compiles."""
+    ratios: dict[str, float] = {}
+    medians: dict[str, dict[str, float]] = {}
+    growth: dict[str, float] = {}
+    parts: list[Part] = []
+    _steps(20.0, 0, PAPER.step_length)
+    for size in SIZES:
+        key = f"{size:g}"
+        say(f"whole trials at {key} m")
+        trials = [_steps(size, trial, PAPER.step_length) for trial in range(TRIALS)]
+        ratios[key] = statistics.median(
+            sum(sum(step.values()) for step in steps) / sum(step[ISAM2] for step in steps) for steps in trials
+        )
+        parts += _parts([step for steps in trials for step in steps], size, None)
+        say(f"long trajectories at {key} m")
+        long = [steps for trial in range(TRIALS) if len(steps := _steps(size, trial, SHORT_STEPS[size])) > LENGTHS[-1]]
+        totals = {}
+        medians[key] = {}
+        for length in LENGTHS:
+            low, high = int(length * (1 - WINDOW / 2)), int(length * (1 + WINDOW / 2))
+            window = [step for steps in long for step in steps[low:high]]
+            totals[length] = statistics.median(sum(step.values()) for step in window)
+            medians[key][f"{length}"] = totals[length] / statistics.median(step[ISAM2] for step in window)
+            parts += _parts(window, size, length)
+        growth[key] = totals[1000] / totals[100]
+    say("decisions")
+    decisions = {
+        name: {f"{size:g}": _decision_ms(name, entry, size) for size in SIZES}
+        for name, entry in strategies().items()
+        if entry.ready
+    }
+    return Perf(ratios, medians, growth, decisions, parts)
+
+
+def text(perf: Perf) -> str:
+    """Return the measurement as tables."""
+    lines = []
+    for size in SIZES:
+        key = f"{size:g}"
+        own = [part for part in perf.parts if part.size == size]
+        columns: list[int | None] = [None, *LENGTHS]
+        lines += ["", f"{key} m: median µs of each part of a step (ratio to iSAM2's update)"]
+        lines.append(f"{'part':<14}" + "".join(f"{'whole trials' if c is None else f'{c} poses':>18}" for c in columns))
+        for name in dict.fromkeys(part.name for part in own):
+            cells = {part.length: f"{part.median_us:8.0f} ({part.to_isam2:5.2f})" for part in own if part.name == name}
+            lines.append(f"{name:<14}" + "".join(f"{cells.get(c, ''):>18}" for c in columns))
+        lines.append(f"whole step to iSAM2's update over whole trials: {perf.step_to_isam2_ratio[key]:.2f}")
+        lines.append(f"whole step at 1000 poses to that at 100: {perf.step_growth_1000_over_100[key]:.2f}")
+    lines += ["", f"{'median decision [ms]':<22}" + "".join(f"{f'{size:g} m':>10}" for size in SIZES)]
+    for name, by_size in perf.decision_ms.items():
+        lines.append(f"{name:<22}" + "".join(f"{by_size[f'{size:g}']:>10.3f}" for size in SIZES))
+    return "\n".join(lines[1:])
+
+
+def write_json(perf: Perf, path: Path) -> None:
+    """Write the measurement as JSON.
+
+    Raises
+    ------
+    RequestError : where the file cannot be written.
+    """
+    with writing(path):
+        path.write_text(json.dumps(plain(asdict(perf)), indent=1) + "\n", encoding="utf-8")
+
+
+class FreeChoice:
+    """Chooses at no cost, so that a step's time is the harness's own."""
+
+    def reset(self, rng: object) -> None:
+        """Begin a trial, drawing from its stream."""
+        self._rng = rng
+
+    def choose(self, observation: object) -> int:
+        """Return any candidate."""
+        return int(self._rng.integers(len(observation.candidates)))  # type: ignore[attr-defined]
+
+
+def _steps(size: float, trial: int, step_length: float) -> list[dict[str, float]]:
+    """Times of the parts of every step of a trial."""
+    scale = step_length / PAPER.step_length
+    scenario = PAPER.replace(
+        size=size,
+        step_length=step_length,
+        odometry_sigma=PAPER.odometry_sigma * scale**0.5,
+        heading_sigma_deg=PAPER.heading_sigma_deg * scale**0.5,
+        steps_per_cell=PAPER.steps_per_cell / scale,
+    )
+    watch = Stopwatch()
+    spec = TrialSpec("perf", "explore_bench.runs.perf:FreeChoice", scenario, trial, purpose="calibrate")
+    run_trial(spec, lap=watch.lap)
+    return watch.steps[1:-1]
+
+
+def _parts(steps: list[dict[str, float]], size: float, length: int | None) -> list[Part]:
+    unit = statistics.median(step[ISAM2] for step in steps)
+    names = [*dict.fromkeys(name for step in steps for name in step), "whole step"]
+    values = {name: [sum(step.values()) if name == "whole step" else step[name] for step in steps] for name in names}
+    medians = {name: statistics.median(values[name]) for name in names}
+    return [Part(name, size, length, 1e6 * medians[name], medians[name] / unit) for name in names]
+
+
+def _decision_ms(name: str, entry: Entry, size: float) -> float:
+    """Median time of a decision [ms]; NaN for a strategy that made none, a broken plugin."""
+    seconds: list[float] = []
+    for trial in range(DECISION_TRIALS):
+        spec = TrialSpec(
+            name,
+            entry.factory,
+            PAPER.replace(size=size),
+            trial,
+            dict(entry.parameters),
+            entry.reference,
+            purpose="calibrate",
+            weights=next(iter(entry.weights.values()), None),
+            broken=entry.broken,
+        )
+        seconds += run_trial(spec).decision_seconds
+    return 1e3 * statistics.median(seconds) if seconds else math.nan

@@ -1,0 +1,210 @@
+"""Runs the missing trials of a plan and keeps the books; the processes are those of `workers`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, redirect_stdout, suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from explore_bench.errors import RequestError, unknown
+from explore_bench.records.store import Store, missing
+from explore_bench.runs.workers import BACKENDS
+from explore_bench.runs.workers.local import LOST, calls, default_workers, one_thread_each, run_here
+from explore_bench.runs.workers.task import Report, make_task
+from explore_bench.strategies.loading import StrategyError, make_strategy
+from explore_bench.trial.containment import OutOfTime, one_process, time_limit
+from explore_bench.trial.spec import Outcome, TrialSpec
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DEFAULT_TIMEOUT = 600.0
+"""Seconds that one trial may take."""
+
+CHECK_SECONDS = 60.0
+"""Seconds that a strategy may take to be made before the run; one that is slower is left to the limit of its trials."""
+
+
+def crew(backend: str = "loky", workers: int | None = None, scheduler: str | None = None) -> int:
+    """Return how many trials run at a time: as many as asked for, or a processor or a thread of the cluster each.
+
+    Raises
+    ------
+    RequestError : where the three do not fit together, or no worker of the scheduler is found.
+    """
+    if backend not in BACKENDS:
+        raise unknown("backend", backend, BACKENDS)
+    if backend != "dask":
+        if scheduler is not None:
+            raise RequestError(
+                f"scheduler '{scheduler}' is one of dask, not of the backend '{backend}'; add --backend dask."
+            )
+        return workers or default_workers()
+    if scheduler is None:
+        raise RequestError("backend 'dask' has no scheduler; give its address with --scheduler, like tcp://host:8786.")
+    if workers is not None:
+        raise RequestError(
+            f"workers is {workers}, but a scheduler's workers are started with 'dask worker'; leave it out."
+        )
+    if not (find_spec("dask") and find_spec("distributed")):
+        raise RequestError("backend 'dask' is not installed; pip install 'explore-bench[dask]'.")
+    from explore_bench.runs.workers.cluster import thread_count
+
+    return thread_count(scheduler)
+
+
+def execute(
+    specs: Sequence[TrialSpec],
+    store: Store,
+    workers: int,
+    backend: str = "loky",
+    timeout: float = DEFAULT_TIMEOUT,
+    scheduler: str | None = None,
+) -> Iterator[Outcome]:
+    """Run trials in parallel, store each as it ends and yield its outcome, in the order in which they end.
+
+    Raises
+    ------
+    RequestError : where a shard cannot be written, or the cluster is not as it must be.
+    IncompleteError : where the run ended early.
+    """
+    if not specs:
+        return
+    longest_first = sorted(specs, key=lambda spec: (-spec.scenario.cell_count, spec.trial, spec.strategy))
+    tasks = [make_task(spec, timeout) for spec in longest_first]
+    reports: Generator[Report]
+    if backend == "dask":
+        from explore_bench.runs.workers.cluster import run_there
+
+        assert scheduler is not None
+        reports = run_there(tasks, scheduler, timeout)
+    else:
+        reports = run_here(tasks, workers, backend, timeout)
+    with closing(reports):
+        for report in reports:
+            store.keep(report.key, report.shard)
+            yield report.outcome
+
+
+def check_runnable(
+    specs: Sequence[TrialSpec], workers: int = 1, backend: str = "sequential", timeout: float = DEFAULT_TIMEOUT
+) -> None:
+    """Make every strategy of a plan once, where its trials will run, to find out what was asked for wrongly.
+
+    One that is broken (does not import, raises, takes too long, ends its process) passes: its trials say so.
+
+    Raises
+    ------
+    RequestError : for the first that does not exist, or whose parameters or weights are wrong.
+    """
+    unique: dict[tuple[str, int | None], TrialSpec] = {}
+    for spec in specs:
+        if not spec.broken:
+            unique.setdefault((spec.strategy, spec.training_seed), spec)
+    if backend == "dask":
+        workers, backend = default_workers(), "loky"
+    seconds = min(timeout, CHECK_SECONDS)
+    tasks = [(i, spec, seconds) for i, spec in enumerate(unique.values())]
+    jobs = 1 if backend == "sequential" else min(workers, len(tasks))
+    refusals: dict[int, str] = {}
+    if tasks:
+        with one_thread_each(), suppress(*LOST):
+            refusals.update(calls(_refusal, tasks, jobs, backend, seconds))
+    sentences = [refusals[i] for i in sorted(refusals) if refusals[i]]
+    if sentences:
+        raise RequestError(sentences[0])
+
+
+def _refusal(number: int, spec: TrialSpec, seconds: float) -> tuple[int, str]:
+    """What is wrong about asking for a strategy, in a sentence; empty where nothing is."""
+    try:
+        with redirect_stdout(sys.stderr), time_limit(seconds), one_process():
+            make_strategy(spec.factory, spec.arguments)
+    except StrategyError:
+        pass
+    except RequestError as error:
+        return number, str(error)
+    except OutOfTime:
+        pass
+    return number, ""
+
+
+def run(
+    suite: str = "smoke",
+    strategies: Sequence[str] = (),
+    *,
+    sizes: Sequence[float] = (),
+    trials: int | None = None,
+    workers: int | None = None,
+    backend: str = "loky",
+    scheduler: str | None = None,
+    timeout: float = DEFAULT_TIMEOUT,
+    scenario: Any = None,
+    seed: int = 0,
+    results: str | Path = "results",
+    progress: Callable[[Outcome], None] | None = None,
+) -> pd.DataFrame:
+    """Run what is missing of a suite and return the rows of `trials.csv` for the trials asked for.
+
+    Parameters
+    ----------
+    suite : name of a suite.
+    strategies : instead of the suite's own: names, "module:factory" or "file.py:factory", with parameters in brackets
+        where they take any, "entropy[alpha=0.5]".
+    sizes, trials, seed : sizes [m], worlds a size and root seed instead of the suite's.
+    workers, backend, scheduler : processes and joblib backend; the address of a scheduler where that is dask.
+    timeout : seconds that a trial may take.
+    scenario : a Scenario, or a name or TOML file of one, instead of the paper's.
+    results : folder of the records.
+    progress : called with the outcome of every trial that runs.
+
+    Raises
+    ------
+    RequestError : where the request or the folder is wrong.
+    IncompleteError : where the run ended early.
+    """
+    from explore_bench.analysis.tables import select
+    from explore_bench.runs.suites import plan
+    from explore_bench.world.scenario import PAPER, Scenario
+    from explore_bench.world.scenario_file import load_scenario
+
+    workers = crew(backend, workers, scheduler)
+    if not isinstance(scenario, Scenario | str | None):
+        raise RequestError(f"scenario is {scenario!r}; give a Scenario, the name of one or a TOML file.")
+    strategies = [strategies] if isinstance(strategies, str) else strategies
+    name = scenario if isinstance(scenario, str) else "paper" if scenario is None else "custom"
+    physics = load_scenario(scenario) if isinstance(scenario, str) else scenario
+    asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).name)
+    check_runnable(asked.specs, workers, backend, timeout)
+    store = Store(Path(results))
+    store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
+    to_do = list(missing(store, asked.specs))
+    return select(complete(to_do, store, workers, backend, timeout, progress, scheduler), asked.specs)
+
+
+def complete(
+    specs: Sequence[TrialSpec],
+    store: Store,
+    workers: int,
+    backend: str = "loky",
+    timeout: float = DEFAULT_TIMEOUT,
+    progress: Callable[[Outcome], None] | None = None,
+    scheduler: str | None = None,
+) -> pd.DataFrame:
+    """Run trials and write `trials.csv` and `times.csv`, also where the run ends early; returns all rows."""
+    from explore_bench.analysis.tables import write_trials
+    from explore_bench.analysis.times import write_times
+
+    outcomes: list[Outcome] = []
+    try:
+        for outcome in execute(specs, store, workers, backend, timeout, scheduler):
+            outcomes.append(outcome)
+            if progress:
+                progress(outcome)
+    finally:
+        table = write_trials(store)
+        write_times(store.folder, outcomes)
+    return table

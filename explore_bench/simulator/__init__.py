@@ -1,1 +1,0 @@
-"""The truth: worlds, motion with noise, sensing with noise. Nothing here sees an estimate."""

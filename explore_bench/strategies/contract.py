@@ -1,0 +1,70 @@
+"""The contract of a strategy: what it sees at a decision, and what it must answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from explore_bench.geometry import Array, Pose
+    from explore_bench.robot.belief import Belief
+    from explore_bench.world.landmark.world import World
+    from explore_bench.world.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """All that a strategy may use for one decision. Every array is read-only; nothing in it leads to the truth.
+
+    Attributes
+    ----------
+    belief : estimates, covariances, occupancy and virtual map; `predict` propagates it.
+    step, decision : how many steps were taken and decisions made before this one.
+    candidates : target cells to choose from, shape (C,), ascending, at least one.
+    positions : centres of the candidates [m], shape (C, 2).
+    paths : for each candidate the cells of its path, from the robot's own cell to the candidate.
+    path_lengths : length of each path [m], shape (C,).
+    """
+
+    belief: Belief
+    step: int
+    decision: int
+    candidates: NDArray[np.int64]
+    positions: Array
+    paths: tuple[NDArray[np.int64], ...]
+    path_lengths: Array
+
+    @property
+    def scenario(self) -> Scenario:
+        """The physical constants."""
+        return self.belief.scenario
+
+    @property
+    def pose(self) -> Pose:
+        """Estimated pose (x, y, heading) [m, m, rad]."""
+        return self.belief.pose
+
+
+@runtime_checkable
+class Strategy(Protocol):
+    """What the benchmark asks of a strategy; any object with these two methods is one."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin a trial. All randomness of the trial must come from `rng`, nothing may be kept from the last one."""
+
+    def choose(self, observation: Observation) -> int:
+        """Return the index of the chosen candidate, 0 ≤ index < C."""
+
+
+@runtime_checkable
+class Reference(Protocol):
+    """A strategy that is told the truth: a bound to compare with, never a competitor."""
+
+    def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
+        """Begin a trial in a world that is known."""
+
+    def choose(self, observation: Observation) -> int:
+        """Return the index of the chosen candidate, 0 ≤ index < C."""

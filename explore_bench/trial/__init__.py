@@ -1,0 +1,1 @@
+"""One trial: what defines it, the simulation loop, and the row of every step."""

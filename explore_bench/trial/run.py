@@ -1,0 +1,154 @@
+"""One trial from its specification to its result: a strategy chooses through a rollout, and its rows are kept."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Generator
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from explore_bench.errors import RequestError, describe
+from explore_bench.geometry import Array
+from explore_bench.robot.landmark.smoother import Lap, no_lap
+from explore_bench.strategies.contract import Observation
+from explore_bench.strategies.loading import StrategyError, check_methods, make_strategy
+from explore_bench.trial.containment import OutOfTime, one_process, time_limit
+from explore_bench.trial.rollout import ChoiceError, Ending, rollout
+from explore_bench.trial.snapshot import Snapshot, take_snapshot
+from explore_bench.trial.spec import Status, TrialSpec
+from explore_bench.trial.steps import Step
+from explore_bench.world.landmark.world import World, draw_world
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """What a trial leaves.
+
+    Attributes
+    ----------
+    steps : one row a step, the first before any step; empty where the trial failed before.
+    snapshots : replay of each decision by the number of the step at which it was made, and of the end.
+    final_poses, final_covariances : trajectory and its position covariances (xx, xy, yy) as estimated at the end,
+        shapes (N, 3); N = 0 for a trial that failed.
+    decision_seconds : time the strategy took for each choice.
+    transient : whether it failed for want of time, memory or disk, or of something that its strategy needs in order to
+        be made, and is worth another try.
+    """
+
+    spec: TrialSpec
+    world: World
+    status: Status
+    reason: str
+    steps: list[Step]
+    snapshots: dict[int, Snapshot]
+    final_poses: Array
+    final_covariances: Array
+    decision_seconds: list[float]
+    seconds: float
+    transient: bool = False
+
+
+def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) -> TrialResult:
+    """Run one trial: a pure function of its spec but for the times.
+
+    Whatever the strategy does wrong (raise, answer nonsense, take longer than `timeout` [s]) makes the result
+    `failed` with a reason; the rows up to there are kept. What it prints goes to stderr, and a process that it forks
+    off ends when it comes back from the strategy.
+    """
+    begin = time.perf_counter()
+    world = draw_world(spec.scenario, spec.generator("world"))
+    steps: list[Step] = []
+    snapshots: dict[int, Snapshot] = {}
+    seconds: list[float] = []
+    final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
+    status, reason, transient = Status.FAILED, "", False
+    try:
+        with redirect_stdout(sys.stderr), time_limit(timeout):
+            strategy = _begin(spec, world)
+            events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"), lap)
+            ending = _play(events, strategy, steps, snapshots, seconds)
+            status, reason = ending.status, ending.reason
+            snapshots[len(steps) - 1] = take_snapshot(ending.belief)
+            final_poses = ending.belief.poses
+            final_covariances = ending.belief.pose_covariances[:, [0, 0, 1], [0, 1, 1]]
+    except OutOfTime:
+        transient = True
+        reason = f"took longer than the {timeout:g} s allowed"
+    except ChoiceError as error:
+        reason = str(error)
+    except KeyboardInterrupt:
+        raise
+    except RequestError as error:
+        transient = not steps
+        reason = " ".join(str(error).split())
+    except (MemoryError, OSError) as error:
+        transient = True
+        reason = describe(error)
+    except BaseException as error:
+        reason = describe(error)
+    if status is Status.FAILED:
+        reason += f" (at decision {len(seconds) - 1})" if seconds else " (before the first decision)"
+    return TrialResult(
+        spec=spec,
+        world=world,
+        status=status,
+        reason=reason,
+        steps=steps,
+        snapshots=snapshots,
+        final_poses=final_poses,
+        final_covariances=final_covariances,
+        decision_seconds=seconds,
+        seconds=time.perf_counter() - begin,
+        transient=transient,
+    )
+
+
+def _begin(spec: TrialSpec, world: World) -> Any:
+    """Make the strategy of a trial and reset it."""
+    if spec.broken:
+        raise StrategyError(spec.broken)
+    with one_process():
+        strategy = make_strategy(spec.factory, spec.arguments)
+        check_methods(strategy, spec.reference)
+        rng = spec.generator("strategy")
+        if spec.reference:
+            strategy.reset_with_world(rng, world)
+        else:
+            strategy.reset(rng)
+    return strategy
+
+
+def _play(
+    events: Generator[Observation | Step, int | None, Ending],
+    strategy: Any,
+    steps: list[Step],
+    snapshots: dict[int, Snapshot],
+    seconds: list[float],
+) -> Ending:
+    """Let a strategy choose through a rollout, noting rows, snapshots and times as they come."""
+    choice = None
+    while True:
+        try:
+            event = events.send(choice)
+        except StopIteration as stop:
+            ending: Ending = stop.value
+            return ending
+        choice = None
+        if isinstance(event, Step):
+            steps.append(event)
+            continue
+        snapshot = take_snapshot(event.belief, event.candidates.tolist())
+        count = len(event.candidates)
+        seconds.append(0.0)
+        begin = time.perf_counter()
+        try:
+            with one_process():
+                choice = strategy.choose(event)
+        finally:
+            seconds[-1] = time.perf_counter() - begin
+        if isinstance(choice, int | np.integer) and 0 <= choice < count:
+            snapshots[len(steps) - 1] = snapshot._replace(choice=int(choice))

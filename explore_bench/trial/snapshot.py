@@ -1,0 +1,58 @@
+"""What a trial keeps of every decision for a replay, packed into a few bytes a cell."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from explore_bench.robot.belief import Belief
+from explore_bench.trial.steps import Column
+
+REPLAY_COLUMNS: dict[str, Column] = {
+    "candidates": Column("list<int32>", "cell", "choices of the decision made at this step; null where none was"),
+    "choice": Column("int32", "1", "index of the chosen one"),
+    "map": Column("binary", "1", "occupancy of each cell: 0–200 for probabilities 0–1, 255 unknown"),
+    "ellipses": Column("binary", "1", "virtual landmarks: half axes in σ₀/250, angle in π/256; 3 bytes a cell"),
+    "landmark_estimates": Column("list<float32>", "m, m²", "x, y, xx, xy, yy of each landmark seen"),
+}
+
+UNKNOWN_CELL = 255
+_OCCUPANCY_LEVELS, _AXIS_LEVELS, _ANGLE_LEVELS = 200, 250, 256
+
+
+class Snapshot(NamedTuple):
+    """What a replay keeps of one decision (of the end of the trial where choice is None)."""
+
+    candidates: list[int] | None
+    choice: int | None
+    map: bytes
+    ellipses: bytes
+    landmark_estimates: list[float]
+
+
+def take_snapshot(belief: Belief, candidates: list[int] | None = None, choice: int | None = None) -> Snapshot:
+    """Pack what the replay shows of a belief into a few bytes a cell."""
+    levels = np.round(belief.occupancy * _OCCUPANCY_LEVELS).astype(np.uint8)
+    levels[~belief.known] = UNKNOWN_CELL
+    xx, xy, yy = np.moveaxis(belief.virtual_map, -1, 0)
+    mean, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    axes = np.sqrt(np.maximum(np.stack((mean + radius, mean - radius), axis=-1), 0.0))
+    scaled = np.round(np.minimum(axes / belief.scenario.virtual_sigma, 1.0) * _AXIS_LEVELS)
+    angle = np.round(0.5 * np.arctan2(2 * xy, xx - yy) % np.pi / np.pi * _ANGLE_LEVELS) % _ANGLE_LEVELS
+    packed = np.concatenate((scaled, angle[..., None]), axis=-1).astype(np.uint8)
+    entries = belief.landmark_covariances[:, [0, 0, 1], [0, 1, 1]]
+    landmarks = np.concatenate((belief.landmarks, entries), axis=1)
+    return Snapshot(candidates, choice, levels.tobytes(), packed.tobytes(), landmarks.ravel().tolist())
+
+
+def unpack_map(packed: bytes, cells: int) -> np.ndarray:
+    """Occupancy probability of every cell, NaN where unknown, shape (n, n)."""
+    levels = np.frombuffer(packed, dtype=np.uint8).reshape(cells, cells)
+    return np.where(levels == UNKNOWN_CELL, np.nan, levels / _OCCUPANCY_LEVELS)
+
+
+def unpack_ellipses(packed: bytes, cells: int, virtual_sigma: float) -> np.ndarray:
+    """Half axes [m] and angle [rad] of every virtual landmark's 1-σ ellipse, shape (n, n, 3)."""
+    values = np.frombuffer(packed, dtype=np.uint8).reshape(cells, cells, 3).astype(float)
+    return values * np.array([virtual_sigma / _AXIS_LEVELS, virtual_sigma / _AXIS_LEVELS, np.pi / _ANGLE_LEVELS])

@@ -1,0 +1,163 @@
+"""The sensor: noisy bearings and ranges to landmarks, and the occupancy of the cells around (§4.1)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, Pose, wrap_angle
+from explore_bench.world.landmark.world import World
+from explore_bench.world.scenario import Scenario
+from explore_bench.world.signals import FREE, HIDDEN, OCCUPIED, Scan
+
+
+class Sensor:
+    """A 360° sensor of limited range that identifies landmarks and reads the cells around the robot."""
+
+    def __init__(self, scenario: Scenario, world: World, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._landmarks = world.landmarks
+        self._obstacles = world.obstacles
+        self._buried = world.obstacles & ~world.counted
+        self._cell_size = world.cell_size
+        self._range = scenario.sensor_range
+        self._min_range = scenario.min_landmark_range
+        self._bearing_sigma = math.radians(scenario.bearing_sigma_deg)
+        self._range_sigma = scenario.range_sigma
+        self._occlusion = scenario.occlusion
+        self._reach = math.ceil(scenario.sensor_range / scenario.cell_size)
+
+    def scan(self, pose: Pose) -> Scan:
+        """Scan taken at a true pose. Two standard normals a landmark of the world are drawn, seen or not."""
+        normals = self._rng.standard_normal((len(self._landmarks), 2))
+        seen, bearings, ranges = _sight(
+            pose,
+            self._landmarks,
+            self._obstacles,
+            self._cell_size,
+            self._min_range,
+            self._range,
+            self._occlusion,
+        )
+        patch, origin_x, origin_y = _patch(pose, self._obstacles, self._cell_size, self._reach, self._occlusion)
+        if self._occlusion:
+            _show_corners(patch, pose, self._buried, self._cell_size)
+        return Scan(
+            landmarks=seen,
+            bearings=bearings + self._bearing_sigma * normals[seen, 0],
+            ranges=ranges + self._range_sigma * normals[seen, 1],
+            patch=patch,
+            origin=(origin_x, origin_y),
+            heading=pose[2],
+        )
+
+
+@jit
+def _sight(
+    pose: Pose,
+    landmarks: Array,
+    obstacles: NDArray[np.bool_],
+    cell_size: float,
+    min_range: float,
+    max_range: float,
+    occlusion: bool,
+) -> tuple[NDArray[np.int64], Array, Array]:
+    count = landmarks.shape[0]
+    seen = np.empty(count, dtype=np.int64)
+    bearings = np.empty(count)
+    ranges = np.empty(count)
+    k = 0
+    for j in range(count):
+        dx, dy = landmarks[j, 0] - pose[0], landmarks[j, 1] - pose[1]
+        distance = math.hypot(dx, dy)
+        if distance < min_range or distance > max_range:
+            continue
+        if occlusion and not _clear(pose[0], pose[1], landmarks[j, 0], landmarks[j, 1], obstacles, cell_size):
+            continue
+        seen[k] = j
+        bearings[k] = wrap_angle(math.atan2(dy, dx) - pose[2])
+        ranges[k] = distance
+        k += 1
+    return seen[:k].copy(), bearings[:k].copy(), ranges[:k].copy()
+
+
+@jit
+def _patch(
+    pose: Pose, obstacles: NDArray[np.bool_], cell_size: float, reach: int, occlusion: bool
+) -> tuple[NDArray[np.uint8], float, float]:
+    """Cut the (2 reach + 1)² cells around the robot's own; points outside the map read occupied."""
+    n = obstacles.shape[0]
+    column0 = int(math.floor(pose[0] / cell_size)) - reach
+    row0 = int(math.floor(pose[1] / cell_size)) - reach
+    side = 2 * reach + 1
+    patch = np.empty((side, side), dtype=np.uint8)
+    for i in range(side):
+        for j in range(side):
+            row, column = row0 + i, column0 + j
+            inside = 0 <= row < n and 0 <= column < n
+            patch[i, j] = FREE if inside and not obstacles[row, column] else OCCUPIED
+            if occlusion:
+                x, y = (column + 0.5) * cell_size, (row + 0.5) * cell_size
+                if not _clear(pose[0], pose[1], x, y, obstacles, cell_size):
+                    patch[i, j] = HIDDEN
+    return patch, pose[0] - column0 * cell_size, pose[1] - row0 * cell_size
+
+
+@jit
+def _show_corners(patch: NDArray[np.uint8], pose: Pose, buried: NDArray[np.bool_], cell_size: float) -> None:
+    """Let a patch show the corners of walls: no ray meets a cell inside a wall, but two walls that meet are in sight.
+
+    A hidden cell of `buried`, shape (n, n), reads occupied where two seen obstacles share a side with it and with a
+    seen free cell: that one would stay a frontier for ever.
+    """
+    n, side = buried.shape[0], patch.shape[0]
+    column0 = int(math.floor(pose[0] / cell_size)) - side // 2
+    row0 = int(math.floor(pose[1] / cell_size)) - side // 2
+    for i in range(max(0, -row0), min(side, n - row0)):
+        for j in range(max(0, -column0), min(side, n - column0)):
+            if patch[i, j] == HIDDEN and buried[row0 + i, column0 + j] and _is_corner(patch, i, j):
+                patch[i, j] = OCCUPIED
+
+
+@jit
+def _is_corner(patch: NDArray[np.uint8], i: int, j: int) -> bool:
+    side = patch.shape[0]
+    for k in (i - 1, i + 1):
+        for m in (j - 1, j + 1):
+            if not (0 <= k < side and 0 <= m < side):
+                continue
+            if patch[k, m] == FREE and patch[i, m] == OCCUPIED and patch[k, j] == OCCUPIED:
+                return True
+    return False
+
+
+@jit
+def _clear(x0: float, y0: float, x1: float, y1: float, obstacles: NDArray[np.bool_], cell_size: float) -> bool:
+    """Whether no obstacle lies between two points; the cells that hold the points themselves do not count.
+
+    Walks the cells of the segment in order (Amanatides and Woo 1987).
+    """
+    n = obstacles.shape[0]
+    column, row = int(math.floor(x0 / cell_size)), int(math.floor(y0 / cell_size))
+    last_column, last_row = int(math.floor(x1 / cell_size)), int(math.floor(y1 / cell_size))
+    dx, dy = x1 - x0, y1 - y0
+    step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    next_x = ((column + (dx > 0)) * cell_size - x0) / dx if dx != 0.0 else np.inf
+    next_y = ((row + (dy > 0)) * cell_size - y0) / dy if dy != 0.0 else np.inf
+    delta_x = cell_size / abs(dx) if dx != 0.0 else np.inf
+    delta_y = cell_size / abs(dy) if dy != 0.0 else np.inf
+    for _ in range(abs(last_column - column) + abs(last_row - row)):
+        if next_x < next_y:
+            column += step_x
+            next_x += delta_x
+        else:
+            row += step_y
+            next_y += delta_y
+        if column == last_column and row == last_row:
+            return True
+        if 0 <= row < n and 0 <= column < n and obstacles[row, column]:
+            return False
+    return True

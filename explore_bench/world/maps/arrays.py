@@ -1,0 +1,41 @@
+"""Maps saved by numpy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from explore_bench.world.maps.raster import OCCUPIED_PIXEL, Raster, check_pixels, classified
+
+
+def read_array(path: Path, resolution: float) -> Raster:
+    """Map of a .npy file, its first row the northernmost, an entry a pixel of an edge [m].
+
+    Boolean entries are True for an obstacle. Numbers are probabilities of being occupied, from 0 to 1 or, where one
+    exceeds 1, from 0 to 100 as in nav_msgs/OccupancyGrid, with the thresholds of `raster`; negative and NaN: unknown.
+
+    Raises
+    ------
+    OSError, ValueError : for a file that cannot be read, or holds something else.
+    """
+    try:
+        with np.errstate(all="ignore"):  # a shape that no memory holds
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, EOFError, SyntaxError, OverflowError):
+        raise ValueError("it is no whole .npy file of plain numbers; save a 2-D array with numpy.save") from None
+    if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "biuf":
+        what = f"{array.ndim} axes of {array.dtype}" if isinstance(array, np.ndarray) else "several arrays"
+        raise ValueError(f"it holds {what}; save a 2-D array of truth values or numbers")
+    check_pixels(array.shape[1], array.shape[0])
+    if array.dtype.kind == "b":
+        return Raster(array.astype(np.uint8) * OCCUPIED_PIXEL, resolution)
+    values = array.astype(float)
+    values[values < 0] = np.nan
+    known = values[~np.isnan(values)]
+    largest = float(known.max()) if known.size else 0.0
+    if largest > 100:
+        raise ValueError(
+            f"its largest value is {largest:g}; save probabilities from 0 to 1, or from 0 to 100, and -1 for unknown"
+        )
+    return Raster(classified(values / (100.0 if largest > 1 else 1.0)), resolution)

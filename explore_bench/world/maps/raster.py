@@ -1,0 +1,151 @@
+"""Pixels of a map, and how they become cells."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.world.floor_plan import FREE, OBSTACLE, START, UNKNOWN
+from explore_bench.world.scenario import MAX_CELLS
+
+FREE_PIXEL, OCCUPIED_PIXEL, UNKNOWN_PIXEL = 0, 1, 2
+MAX_PIXELS = 25_000_000
+"""5000 × 5000: 250 m at 5 cm."""
+
+RESOLUTIONS = 1e-6, 1e6
+"""Smallest and largest edge of a pixel that is understood [m]."""
+
+OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196
+"""Probabilities of being occupied that part obstacles, unknown and free, as map_server's maps are written."""
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A map in pixels.
+
+    Attributes
+    ----------
+    pixels : FREE_PIXEL, OCCUPIED_PIXEL or UNKNOWN_PIXEL, shape (h, w), the first row the northernmost (largest y).
+    resolution : edge of a pixel [m].
+    origin : (x, y) of the lower left corner in the map's frame [m].
+    start : (x, y) of the start in the map's frame [m], None where the map names none.
+    """
+
+    pixels: NDArray[np.uint8]
+    resolution: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    start: tuple[float, float] | None = None
+
+
+def classified(
+    probability: NDArray[np.floating], occupied_above: float = OCCUPIED_ABOVE, free_below: float = FREE_BELOW
+) -> NDArray[np.uint8]:
+    """Pixels by their probability of being occupied, shape as given; NaN and what lies between is unknown."""
+    pixels = np.full(probability.shape, UNKNOWN_PIXEL, dtype=np.uint8)
+    pixels[probability > occupied_above] = OCCUPIED_PIXEL
+    pixels[probability < free_below] = FREE_PIXEL
+    return pixels
+
+
+def check_pixels(width: int, height: int) -> None:
+    """Refuse an image that is empty or too large to be read.
+
+    Raises
+    ------
+    ValueError : where it has no pixel or more than MAX_PIXELS.
+    """
+    if not width * height:
+        raise ValueError(f"it has {width} × {height} pixels; there is nothing to explore, so draw something")
+    if width * height > MAX_PIXELS:
+        raise ValueError(f"it has {width} × {height} pixels, more than {MAX_PIXELS:,}; crop it, or scale it down")
+
+
+def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
+    """Rows of text (see `site.site_of`) of a map in cells of an edge [m].
+
+    Borders of cells lie at multiples of the cell size in the map's frame, and margins of which nothing is known are cut
+    off, so one place gives the same cells however its image is cropped. A pixel belongs to the cell that holds its
+    centre (one larger than a cell is cut in pieces first). Of a cell's own pixels,
+
+    1. if the occupied ones would fill half a line across it (or across its part on the image), it is an obstacle: a
+       straight wall one pixel thin stays closed, a speck does not block;
+    2. else, if more than half are unknown (outside the image, too), it is unknown;
+    3. else it is free.
+
+    Raises
+    ------
+    ValueError : for a map without known pixels, one of too many cells, or a start that is not free.
+    """
+    raster = _cropped(raster)
+    pieces = max(1, math.ceil(raster.resolution / cell_size - 1e-9))
+    height, width = raster.pixels.shape
+    _check_extent(width * raster.resolution, height * raster.resolution, cell_size)
+    step = raster.resolution / pieces
+    across, first_column = _cells_along(raster.origin[0], step, width * pieces, cell_size)
+    up, first_row = _cells_along(raster.origin[1], step, height * pieces, cell_size)
+    pixels = np.repeat(np.repeat(raster.pixels, pieces, axis=0), pieces, axis=1)[::-1]
+    occupied = _count(pixels == OCCUPIED_PIXEL, up.starts, across.starts)
+    known = _count(pixels != UNKNOWN_PIXEL, up.starts, across.starts)
+    cells = np.full(occupied.shape, FREE)
+    cells[2 * known < up.room[:, None] * across.room] = UNKNOWN
+    cells[2 * occupied >= np.minimum(up.widths[:, None], across.widths)] = OBSTACLE
+    if raster.start is not None:
+        column = math.floor(raster.start[0] / cell_size + 1e-9) - first_column
+        row = math.floor(raster.start[1] / cell_size + 1e-9) - first_row
+        if cells[row, column] != FREE:
+            raise ValueError("the start marker stands in a cell that is not free; move it, or take a finer cell size")
+        cells[row, column] = START
+    return tuple("".join(row) for row in cells[::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """Pixels along an axis in cells: the first of each, how many it holds, and how many with those off the image."""
+
+    starts: NDArray[np.int64]
+    widths: NDArray[np.int64]
+    room: NDArray[np.int64]
+
+
+def _cells_along(origin: float, step: float, count: int, cell_size: float) -> tuple[_Axis, int]:
+    """Share out `count` pixels from `origin` on among cells, and the number of the first cell."""
+    spare = math.ceil(cell_size / step) + 1
+    cells = np.floor((origin + (np.arange(-spare, count + spare) + 0.5) * step) / cell_size + 1e-9).astype(np.int64)
+    own = cells[spare : spare + count]
+    numbers = np.arange(own[0], own[-1] + 1)
+    held, room = (
+        np.searchsorted(all_, numbers, side="right") - np.searchsorted(all_, numbers) for all_ in (own, cells)
+    )
+    return _Axis(np.searchsorted(own, numbers), held, room), int(own[0])
+
+
+def _count(pixels: NDArray[np.bool_], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.add.reduceat(np.add.reduceat(pixels, rows, axis=0, dtype=np.int64), columns, axis=1)
+
+
+def _cropped(raster: Raster) -> Raster:
+    """Raster without the rows and columns at its margins of which nothing is known."""
+    known = raster.pixels != UNKNOWN_PIXEL
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        raise ValueError("nothing in it is free or occupied, all is unknown; look at the thresholds")
+    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    x, y = raster.origin
+    below = len(known) - bottom
+    origin = x + float(left) * raster.resolution, y + float(below) * raster.resolution
+    return replace(raster, pixels=raster.pixels[top:bottom, left:right], origin=origin)
+
+
+def _check_extent(width: float, height: float, cell_size: float) -> None:
+    extent = f"{width:g} × {height:g} m"
+    if max(width, height) < cell_size:
+        raise ValueError(f"it shows {extent}, less than a cell of {cell_size:g} m; look at the resolution")
+    edge = math.ceil(max(width, height) / cell_size - 1e-9)
+    if edge * edge > MAX_CELLS:
+        raise ValueError(
+            f"{extent} are {edge} cells of {cell_size:g} m a side, and a square holds at most {math.isqrt(MAX_CELLS)}; "
+            "take a larger cell_size, or give the metres of a pixel as resolution"
+        )

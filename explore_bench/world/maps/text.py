@@ -1,0 +1,57 @@
+"""Maps drawn with characters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from explore_bench.world.floor_plan import BLANK, FREE, OBSTACLE, START, UNKNOWN
+from explore_bench.world.maps.raster import FREE_PIXEL, OCCUPIED_PIXEL, UNKNOWN_PIXEL, Raster, check_pixels
+
+MAX_BYTES = 1_000_000
+_PIXELS = {OBSTACLE: OCCUPIED_PIXEL, FREE: FREE_PIXEL, START: FREE_PIXEL, UNKNOWN: UNKNOWN_PIXEL, BLANK: UNKNOWN_PIXEL}
+
+
+def small_text(path: Path) -> str:
+    """Text of a file of at most MAX_BYTES.
+
+    Raises
+    ------
+    OSError : where it cannot be read.
+    ValueError : where it is larger, or no UTF-8 text.
+    """
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"'{path.name}' has {path.stat().st_size:,} bytes; a text of a map has at most {MAX_BYTES:,}")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(f"'{path.name}' is not UTF-8 text; look at what it holds") from None
+
+
+def read_text(path: Path, resolution: float) -> Raster:
+    """Map of rows of text, a character a pixel of an edge [m]: `#` obstacle, `.` free, `?` or blank unknown, `S` start.
+
+    Raises
+    ------
+    OSError, ValueError : for a file that cannot be read, or holds something else.
+    """
+    rows = small_text(path).splitlines()
+    width = max(map(len, rows), default=0)
+    check_pixels(width, len(rows))
+    strange = sorted(set("".join(rows)) - _PIXELS.keys())
+    if strange:
+        row = next(number for number, row in enumerate(rows, start=1) if strange[0] in row)
+        raise ValueError(f"row {row} holds {strange[0]!r}; draw with # (obstacle), . (free), ? (unknown) and S (start)")
+    text = np.array([list(row.ljust(width)) for row in rows])
+    pixels = np.full(text.shape, UNKNOWN_PIXEL, dtype=np.uint8)
+    for character, pixel in _PIXELS.items():
+        pixels[text == character] = pixel
+    starts = np.argwhere(text == START)
+    if len(starts) > 1:
+        raise ValueError(f"it has {len(starts)} starts; leave one S")
+    start = None
+    if len(starts):
+        row, column = starts[0].tolist()
+        start = (column + 0.5) * resolution, (len(rows) - row - 0.5) * resolution
+    return Raster(pixels, resolution, start=start)

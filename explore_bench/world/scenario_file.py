@@ -1,0 +1,63 @@
+"""Scenarios by name and from TOML files."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from explore_bench.errors import RequestError, unknown
+from explore_bench.world.maps import gallery, with_map
+from explore_bench.world.scenario import SCENARIOS, Scenario
+
+
+def load_scenario(name_or_file: str) -> Scenario:
+    """Scenario of a registered name or of a TOML file.
+
+    A file holds constants by name, and may start from a named scenario: `extends = "chen2020"` (default: paper). Its
+    `map` is a list of rows, or a map of the gallery or a file for `maps.with_map`, found from where the TOML file lies,
+    with `resolution` [m] beside it.
+
+    Raises
+    ------
+    RequestError : for an unknown name, an unreadable or foreign file, an unknown key or a value out of range.
+    """
+    if name_or_file in SCENARIOS:
+        return SCENARIOS[name_or_file][0]
+    path = Path(name_or_file)
+    if path.suffix != ".toml":
+        raise unknown("scenario", name_or_file, SCENARIOS)
+    values = _values(path)
+    base = values.pop("extends", "paper")
+    if not isinstance(base, str) or base not in SCENARIOS:
+        raise unknown(f"scenario file '{path}': extends", str(base), SCENARIOS)
+    for kind in ("landmark", "obstacle"):
+        if {f"{kind}_density", f"{kind}_count"} <= values.keys():
+            raise RequestError(f"scenario file '{path}' gives {kind}_density and {kind}_count; give one of them.")
+    try:
+        return _built(SCENARIOS[base][0], values, path.parent)
+    except RequestError as error:
+        raise RequestError(f"scenario file '{path}': {error}") from None
+
+
+def _values(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise RequestError(f"scenario file '{path}' cannot be read ({reason}); give a TOML file.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RequestError(f"scenario file '{path}' is not TOML ({error}); write lines like size = 20.0.") from None
+
+
+def _built(base: Scenario, values: dict[str, Any], folder: Path) -> Scenario:
+    """Scenario of a file's values; `map` as text names a map."""
+    file = values.get("map")
+    if not isinstance(file, str):
+        return base.replace(**values)
+    resolution = values.pop("resolution", None)
+    if resolution is not None and (isinstance(resolution, bool) or not isinstance(resolution, int | float)):
+        raise RequestError(f"scenario key 'resolution' is {resolution!r}; give the metres that a pixel is wide.")
+    del values["map"]
+    mapped = with_map(base.replace(**values), file if file in gallery() else folder / file, resolution)
+    return mapped.replace(size=values["size"]) if "size" in values else mapped

@@ -1,0 +1,229 @@
+"""Claims: comparisons paired by world, corrected within a claim, and verdicts that seeds limit."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from explore_bench.analysis import claims as module
+from explore_bench.analysis.claims import (
+    CONTRADICTED,
+    NOT_MEASURED,
+    NOT_SHOWN,
+    SUPPORTED,
+    THESE_WEIGHTS,
+    Claim,
+    Comparison,
+    as_values,
+    claims,
+    comparisons,
+    examine,
+    metric_of,
+    verdict,
+)
+from explore_bench.analysis.statistics import effect_size, holm, mean_interval, sign_flip_p
+from explore_bench.errors import RequestError
+from explore_bench.strategies.registry import strategies
+
+NOISE = np.random.default_rng(3).normal(0.0, 0.1, 50)
+
+
+def rows(strategy, values, seeds=(None,), size=20.0, metric="trajectory_error"):
+    """Rows of `trials.csv` with one value a world, the same for every training seed."""
+    return pd.DataFrame(
+        [
+            {"strategy": strategy, "training_seed": seed, "size": size, "trial": trial, metric: value}
+            for seed in seeds
+            for trial, value in enumerate(values)
+        ]
+    ).astype({"training_seed": "Int64"})
+
+
+def found(*frames, claim=None, **options):
+    asked = claim or Claim("x", "a beats b.", (Comparison("a", "b", "trajectory_error", 20.0),), **options)
+    return examine(asked, pd.concat(frames))
+
+
+def test_the_numbers_of_a_comparison_are_those_of_the_paired_differences():
+    a, b = 1.0 + NOISE, 1.2 + 2 * NOISE
+    [finding] = found(rows("a", a), rows("b", b))
+    assert finding.n == 50
+    assert finding.means == pytest.approx((a.mean(), b.mean()))
+    assert finding.difference == mean_interval(a - b)
+    assert finding.relative == pytest.approx((a - b).mean() / b.mean())
+    assert finding.p == finding.p_holm == sign_flip_p(a - b)
+    assert finding.effect == pytest.approx(effect_size(b - a))
+    assert finding.improvement == np.mean(a < b)
+    assert (finding.seeds, finding.verdict) == ((0, 0), SUPPORTED)
+
+
+@pytest.mark.parametrize(("metric", "shift"), [("trajectory_error", -0.2), ("exploration_efficiency", 0.2)])
+def test_a_difference_counts_in_the_direction_of_the_metric(metric, shift):
+    claim = Claim("x", "a beats b.", (Comparison("a", "b", metric, 20.0),))
+    for sign, word in ((1, SUPPORTED), (-1, CONTRADICTED)):
+        frames = rows("a", 1.0 + sign * shift + NOISE, metric=metric), rows("b", np.ones(50), metric=metric)
+        [finding] = found(*frames, claim=claim)
+        assert (finding.verdict, np.sign(finding.effect)) == (word, sign)
+        assert (finding.improvement > 0.9) == (sign > 0)
+
+
+def test_no_difference_is_not_shown():
+    [finding] = found(rows("a", 1.0 + NOISE), rows("b", 1.0 + NOISE[::-1]))
+    assert finding.verdict == NOT_SHOWN
+
+
+def test_only_worlds_that_both_tried_count():
+    [finding] = found(rows("a", np.ones(5)), rows("b", np.full(9, 2.0)))
+    assert finding.n == 5
+
+
+def test_a_strategy_without_trials_or_with_an_undefined_value_is_not_measured():
+    for other in (rows("c", NOISE), rows("b", [math.nan, *NOISE[1:]]), rows("b", NOISE, size=40.0)):
+        [finding] = found(rows("a", NOISE), other)
+        assert (finding.verdict, finding.n) == (NOT_MEASURED, 0)
+
+
+def test_holm_runs_over_the_comparisons_of_the_claim():
+    claim = Claim("x", "a beats all.", comparisons("a", ("b", "c", "d"), ("trajectory_error",), (20.0,)))
+    others = [rows(name, 1.0 + shift + NOISE[::-1]) for name, shift in zip("bcd", (0.2, 0.05, 0.0), strict=True)]
+    findings = found(rows("a", 1.0 + NOISE), *others, claim=claim)
+    np.testing.assert_allclose([f.p_holm for f in findings], holm([f.p for f in findings]))
+    assert findings[1].p_holm > findings[1].p
+
+
+@pytest.mark.parametrize(
+    ("seeds", "other", "limited"), [(5, 5, False), (5, None, False), (4, 5, True), (5, 1, True), (1, None, True)]
+)
+def test_few_training_seeds_speak_for_these_weights_alone(seeds, other, limited):
+    frames = rows("a", 1.0 + NOISE, range(seeds)), rows("b", np.full(50, 2.0), range(other) if other else (None,))
+    [finding] = found(*frames)
+    assert finding.verdict == SUPPORTED + THESE_WEIGHTS * limited
+    assert finding.seeds == (seeds, other or 0)
+    [finding] = found(*frames, architecture=False)
+    assert finding.verdict == SUPPORTED
+
+
+def test_training_seeds_are_averaged_within_a_world_and_their_range_is_kept():
+    frames = rows("a", np.full(50, 1.0), [0]), rows("a", np.full(50, 3.0), [1]), rows("b", np.full(50, 2.5))
+    [finding] = found(*frames)
+    assert finding.means == (2.0, 2.5)
+    assert finding.ranges[0] == (1.0, 3.0)
+    assert math.isnan(finding.ranges[1][0])
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([SUPPORTED, SUPPORTED], SUPPORTED),
+        ([SUPPORTED, SUPPORTED + THESE_WEIGHTS], SUPPORTED + THESE_WEIGHTS),
+        ([SUPPORTED, NOT_SHOWN], NOT_SHOWN),
+        ([SUPPORTED, NOT_MEASURED], NOT_SHOWN),
+        ([SUPPORTED, CONTRADICTED, NOT_SHOWN], CONTRADICTED),
+        ([NOT_SHOWN, CONTRADICTED + THESE_WEIGHTS], CONTRADICTED + THESE_WEIGHTS),
+        ([NOT_MEASURED, NOT_MEASURED], NOT_MEASURED),
+    ],
+)
+def test_a_claim_stands_or_falls_with_its_comparisons(words, expected):
+    [finding] = found(rows("a", NOISE), rows("b", NOISE))
+    import dataclasses
+
+    assert verdict([dataclasses.replace(finding, verdict=word) for word in words]) == expected
+
+
+def test_training_seeds_are_compared_unpaired(monkeypatch):
+    values = {"a": [3.0, 3.1, 3.2, 3.3, 3.4], "b": [1.0, 1.1, 1.2, 1.3, 1.4]}
+    monkeypatch.setattr(module, "strategies", lambda: {name: name for name in values})
+    monkeypatch.setattr(module, "training_values", lambda entry, metric: dict(enumerate(values[entry])))
+    claim = Claim("x", "a learns better.", comparisons("a", "b", ("final_reward",)))
+    [finding] = found(rows("a", NOISE), claim=claim)
+    assert (finding.n, finding.seeds, finding.verdict) == (5, (5, 5), SUPPORTED)
+    assert finding.p == pytest.approx(2 / 252)
+    assert finding.improvement == 1.0
+    values["b"] = [1.0]
+    [finding] = found(rows("a", NOISE), claim=claim)
+    assert (finding.n, finding.verdict) == (1, NOT_SHOWN)
+    values["b"] = [1.0, 1.1, math.nan]
+    [finding] = found(rows("a", NOISE), claim=claim)
+    assert (finding.n, finding.verdict) == (0, NOT_MEASURED)
+    values["b"] = []
+    [finding] = found(rows("a", NOISE), claim=claim)
+    assert finding.verdict == NOT_MEASURED
+
+
+@pytest.mark.parametrize("metric", ["no_such", "decisions", "early_reward"])
+def test_a_metric_without_a_direction_or_of_the_other_kind_is_refused(metric):
+    with pytest.raises(RequestError, match=metric):
+        metric_of(Comparison("a", "b", metric, 20.0))
+
+
+def test_the_paper_has_four_claims_about_registered_strategies_and_no_reference():
+    known, numbered = strategies(), claims()
+    assert [claim.name for claim in numbered] == ["i", "ii", "iii", "iv"]
+    for claim in numbered:
+        assert claim.comparisons
+        for comparison in claim.comparisons:
+            metric_of(comparison)
+            assert not known[comparison.better].reference
+            assert not known[comparison.worse].reference
+    assert {c.size for c in numbered[2].comparisons} == {30.0, 40.0}
+    assert [claim.architecture for claim in numbered] == [True, True, False, True]
+
+
+@pytest.fixture
+def claimed(monkeypatch):
+    """Return a function that gives the claims of packages whose entry points load by these calls."""
+
+    def read(**loads):
+        points = [SimpleNamespace(name=name, value=f"{name}:CLAIMS", load=load) for name, load in loads.items()]
+        monkeypatch.setattr(module, "entry_points", lambda group: points)
+        claims.cache_clear()
+        return claims()
+
+    yield read
+    claims.cache_clear()
+
+
+def raising(error):
+    def load():
+        raise error
+
+    return load
+
+
+OURS = Claim("x", "a beats b.", (Comparison("a", "b", "trajectory_error", 20.0),))
+WRONG = Claim("y", "a beats b.", (Comparison("a", "b", "no_such", 20.0),))
+
+
+def test_packages_add_claims_after_the_project_s_own(claimed):
+    theirs = Claim("theirs", "b beats a.", OURS.comparisons)
+    assert claimed(another=lambda: (theirs,), baselines=lambda: [OURS]) == (OURS, theirs)
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [
+        (raising(ImportError("no mine")), "ImportError: no mine"),
+        (raising(SystemExit(3)), "SystemExit: 3"),
+        (lambda: 3, "TypeError"),
+        (lambda: [OURS, "a beats b"], "'a beats b' is no Claim"),
+        (lambda: [WRONG], "'no_such'"),
+    ],
+)
+def test_an_entry_point_that_cannot_be_used_is_a_claim_that_says_why_beside_the_others(claimed, load, words):
+    ours, broken = claimed(baselines=lambda: [OURS], mine=load)
+    assert ours == OURS
+    assert broken.name == "mine"
+    assert all(part in broken.statement for part in ("mine:CLAIMS", words, "uninstall"))
+    findings = examine(broken, rows("a", NOISE))
+    assert (findings, verdict(findings)) == ([], NOT_MEASURED)
+
+
+def test_values_can_be_written_as_json():
+    claim = Claim("x", "a beats b.", (Comparison("a", "b", "trajectory_error", 20.0),))
+    values = as_values(claim, found(rows("a", NOISE), rows("c", NOISE), claim=claim))
+    assert json.loads(json.dumps(values, allow_nan=False)) == values
+    assert values["verdict"] == NOT_MEASURED
+    assert values["comparisons"][0]["difference"]["mean"] is None

@@ -1,0 +1,419 @@
+"""trials.csv, summary.csv and times.csv: columns, order, regret, means over worlds, and merged times."""
+
+import csv
+import dataclasses
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from handmade import TINY, record, tiny_plan, with_spec
+
+from explore_bench.analysis.csv_files import read_csv
+from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.analysis.tables import (
+    SUMMARY_COLUMNS,
+    TRIAL_COLUMNS,
+    by_world,
+    select,
+    summary_table,
+    trial_table,
+    write_trials,
+)
+from explore_bench.analysis.times import TIME_COLUMNS, expected_seconds, write_times
+from explore_bench.errors import RequestError
+from explore_bench.runs.runner import Outcome
+from explore_bench.runs.suites import plan
+from explore_bench.strategies.registry import strategies
+from explore_bench.trial.spec import Status
+from explore_bench.world.scenario import Scenario
+
+MAP = Scenario(size=20.0)
+
+
+def explored(steps, **options):
+    """Return a record of a trial that explored in so many steps: U from 200 to 100, max tr Σ 0.25."""
+    values = {"uncertainty": [200.0] * steps + [100.0], "peak_trace": [0.25] * (steps + 1)}
+    values |= {"explored": [0.5] * steps + [0.95]}
+    return record(scenario=MAP, **{**values, **options})
+
+
+def lines(summary, **wanted):
+    for column, value in wanted.items():
+        summary = summary[summary[column] == value]
+    return summary
+
+
+# trials.csv
+
+
+def test_the_columns_of_trials_csv_begin_as_the_design_says():
+    assert TRIAL_COLUMNS[:13] == (
+        "strategy",
+        "training_seed",
+        "size",
+        "trial",
+        "world",
+        "status",
+        "steps",
+        "decisions",
+        "path_length",
+        "explored",
+        "uncertainty_reduction",
+        "exploration_efficiency",
+        "trajectory_error",
+    )
+
+
+def test_every_metric_is_a_column_of_trials_csv_once():
+    assert set(METRICS) | {"regret"} <= set(TRIAL_COLUMNS)
+    assert len(set(TRIAL_COLUMNS)) == len(TRIAL_COLUMNS)
+
+
+def test_a_row_says_what_was_run_where_and_how_it_ended(stored):
+    table = trial_table(stored.store.records()[0])
+    assert tuple(table.columns) == TRIAL_COLUMNS
+    assert len(table) == len(stored.specs)
+    for spec, result in zip(stored.specs, stored.results, strict=True):
+        found = stored.store.find(spec)
+        row = table[(table["strategy"] == spec.strategy) & (table["trial"] == spec.trial)].iloc[0]
+        assert (row["size"], row["status"], row["reason"], row["scenario"]) == (12.0, "explored", "", "paper")
+        assert pd.isna(row["training_seed"])
+        assert row["world"] == result.world.digest
+        assert row["steps"] == len(result.steps) - 1
+        assert row["decisions"] == len(result.decision_seconds)
+        for name, metric in METRICS.items():
+            assert row[name] == pytest.approx(metric.value(found), nan_ok=True), name
+
+
+def test_all_strategies_have_the_same_worlds(stored):
+    table = trial_table(stored.store.records()[0])
+    assert (table.groupby("trial")["world"].nunique() == 1).all()
+    assert table["world"].nunique() == 3
+
+
+def test_rows_are_ordered_by_strategy_training_seed_size_and_trial():
+    made = [
+        with_spec(record(rows=2, strategy=name, trial=trial, scenario=TINY.replace(size=size)), training_seed=seed)
+        for name, seed, size, trial in [
+            ("b", None, 20.0, 10),
+            ("b", None, 20.0, 2),
+            ("b", None, 12.0, 3),
+            ("a", 1, 20.0, 0),
+            ("a", 0, 20.0, 0),
+            ("a", 0, 20.0, 1),
+        ]
+    ]
+    table = trial_table(made)
+    keys = list(zip(table["strategy"], table["training_seed"].fillna(-1), table["size"], table["trial"], strict=True))
+    assert keys == [
+        ("a", 0, 20.0, 0),
+        ("a", 0, 20.0, 1),
+        ("a", 1, 20.0, 0),
+        ("b", -1, 12.0, 3),
+        ("b", -1, 20.0, 2),
+        ("b", -1, 20.0, 10),
+    ]
+    assert table.equals(trial_table(made[::-1]))
+
+
+def test_a_trial_without_rows_is_a_row_with_its_reason():
+    row = trial_table([record("failed", MAP, rows=0, reason="LookupError: no map")]).iloc[0]
+    assert (row["status"], row["steps"], row["decisions"]) == ("failed", 0, 0)
+    assert row["reason"] == "LookupError: no map"
+    assert row["trajectory_error"] == pytest.approx(10.0 * math.sqrt(2.0))
+
+
+def test_steps_are_those_taken_also_where_the_score_counts_the_limit():
+    row = trial_table([record("stuck", MAP, rows=8)]).iloc[0]
+    assert row["steps"] == 7
+    assert row["t90"] == MAP.step_limit
+
+
+def test_regret_is_to_the_reference_on_the_same_world():
+    reference = [
+        with_spec(explored(n, trial=t, strategy="clairvoyant"), reference=True) for t, n in enumerate((100, 50))
+    ]
+    made = [explored(150, trial=0), explored(40, trial=1), explored(70, trial=2)]
+    table = trial_table([*made, *reference])
+    assert list(lines(table, strategy="nearest")["regret"])[:2] == pytest.approx([0.5, -0.2])
+    assert math.isnan(lines(table, strategy="nearest", trial=2)["regret"].iloc[0])
+    assert list(lines(table, strategy="clairvoyant")["regret"]) == [0.0, 0.0]
+
+
+def test_regret_is_not_taken_across_scenarios():
+    reference = with_spec(explored(100, strategy="clairvoyant"), reference=True)
+    other = with_spec(explored(150), scenario=MAP.replace(coverage=0.85))
+    assert math.isnan(lines(trial_table([other, reference]), strategy="nearest")["regret"].iloc[0])
+
+
+def test_the_file_holds_every_number_exactly(own_store):
+    table = write_trials(own_store)
+    with (own_store.folder / "trials.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for name in METRICS:
+        found = [float(row[name] or "nan") for row in rows]
+        assert np.array_equal(table[name], found, equal_nan=True), name
+
+
+def test_the_file_is_the_same_on_every_machine_and_has_unix_lines(own_store):
+    write_trials(own_store)
+    content = (own_store.folder / "trials.csv").read_bytes()
+    assert b"\r" not in content
+    assert content.decode().splitlines()[0] == ",".join(TRIAL_COLUMNS)
+    assert len(content.decode().splitlines()) == 10
+
+
+def test_trials_of_older_code_are_not_in_the_file(own_store, monkeypatch):
+    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda place: {"numpy": "0.1"})
+    assert len(write_trials(own_store)) == 0
+    assert (own_store.folder / "trials.csv").read_text().splitlines() == [",".join(TRIAL_COLUMNS)]
+
+
+def test_the_rows_of_a_plan_are_selected_by_strategy_size_and_world(stored):
+    table = trial_table(stored.store.records()[0])
+    found = select(table, tiny_plan(("nearest",), trials=2))
+    assert list(zip(found["strategy"], found["trial"], strict=True)) == [("nearest", 0), ("nearest", 1)]
+    assert list(found.index) == [0, 1]
+
+
+def seeded(times, **options):
+    """Return records of one strategy with so many steps for each (training seed, world)."""
+    return [with_spec(explored(n, trial=trial, **options), training_seed=seed) for (seed, trial), n in times.items()]
+
+
+def test_the_rows_of_a_plan_are_selected_by_training_seed_too(trained):
+    """A folder may hold trials of weights that are no longer asked for, and of the like without weights."""
+    trained(1, 4)
+    asked = plan("table2", ["gcn-obs"], [20.0], 2).specs
+    made = seeded({(seed, trial): 50 for seed in (None, 0, 1, 4) for trial in range(3)}, strategy="gcn-obs")
+    found = select(trial_table(made), asked)
+    assert list(zip(found["training_seed"], found["trial"], strict=True)) == [(1, 0), (1, 1), (4, 0), (4, 1)]
+    assert select(trial_table(made[:3]), asked).empty
+    assert len(select(trial_table(made[:3]), [dataclasses.replace(asked[0], training_seed=None)])) == 1
+
+
+def test_training_seeds_survive_the_file(tmp_path):
+    made = seeded({(3, 0): 50}, strategy="gcn-obs") + [explored(40)]
+    trial_table(made).to_csv(tmp_path / "trials.csv", index=False)
+    table = read_csv(tmp_path / "trials.csv", TRIAL_COLUMNS)
+    assert list(table["training_seed"]) == [3, pd.NA]
+
+
+# summary.csv
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """Return the rows of two strategies on three worlds, one trial of which did not explore, and of a plugin."""
+    made = [explored(n, trial=t) for t, n in enumerate((100, 120, 140))]
+    made += [explored(n, trial=t, strategy="random") for t, n in enumerate((200, 220))]
+    made += [explored(90, trial=2, strategy="random", status="stuck")]
+    made += [explored(80, trial=t, strategy="mine") for t in range(3)]
+    return trial_table(made)
+
+
+def test_the_columns_of_summary_csv_are_those_of_the_design(trials):
+    assert (
+        *("table", "strategy", "size", "metric", "n", "failed"),
+        *("mean", "ci_low", "ci_high", "paper"),
+        *("seeds", "seed_low", "seed_high"),
+    ) == SUMMARY_COLUMNS
+    assert tuple(summary_table(trials).columns) == SUMMARY_COLUMNS
+
+
+def test_means_and_intervals_are_those_of_the_worlds(trials):
+    """T = 100, 120, 140 of 100 cells with √0.25: e = 0.5, 0.6, 0.7."""
+    line = lines(summary_table(trials), table="table2", strategy="nearest", metric="trajectory_error", size=20.0).iloc[
+        0
+    ]
+    expected = mean_interval(np.array([0.5, 0.6, 0.7]))
+    assert (line["mean"], line["ci_low"], line["ci_high"]) == pytest.approx((0.6, expected.low, expected.high))
+    assert (line["n"], line["failed"]) == (3, 0)
+    assert (line["seeds"], math.isnan(line["seed_low"]), math.isnan(line["seed_high"])) == (0, True, True)
+
+
+def test_a_trial_that_did_not_explore_counts_in_the_mean_and_is_counted_beside_it(trials):
+    """T = 200, 220 and the limit of 1000 with √2: e = 1, 1.1 and 10 √2."""
+    line = lines(summary_table(trials), table="table2", strategy="random", metric="trajectory_error", size=20.0).iloc[0]
+    assert line["mean"] == pytest.approx((1.0 + 1.1 + 10.0 * math.sqrt(2.0)) / 3)
+    assert (line["n"], line["failed"]) == (3, 1)
+
+
+def test_the_paper_s_value_stands_only_in_the_table_that_prints_it(trials):
+    summary = lines(summary_table(trials), metric="trajectory_error", size=20.0)
+    graph = lines(summary, strategy="graph-stnn").set_index("table")["paper"]
+    assert graph.to_dict() == {"table2": 0.8761, "table3": 1.0160}
+    random = lines(summary, strategy="random").set_index("table")["paper"]
+    assert random.to_dict() == {"table2": 1.9614}
+    mine = lines(summary, strategy="mine").set_index("table")["paper"]
+    assert set(mine.index) == {"table2", "table3"}
+    assert mine.isna().all()
+
+
+def test_every_value_of_the_paper_is_in_the_summary_once(trials):
+    summary = summary_table(trials)
+    printed = summary[summary["paper"].notna()]
+    keys = list(zip(printed["table"], printed["strategy"], printed["size"], printed["metric"], strict=True))
+    wanted = [(t, name, s, m) for name, entry in strategies().items() for t, s, m in entry.published]
+    assert sorted(keys) == sorted(wanted)
+
+
+def test_a_strategy_without_trials_stands_in_it_with_no_worlds_and_no_mean(trials):
+    line = lines(
+        summary_table(trials), table="table2", strategy="graph-stnn", metric="trajectory_error", size=40.0
+    ).iloc[0]
+    assert (line["n"], line["failed"]) == (0, 0)
+    assert math.isnan(line["mean"])
+
+
+def test_a_plugin_stands_in_both_tables_after_the_registered_strategies(trials):
+    summary = summary_table(trials)
+    assert set(lines(summary, strategy="mine")["table"]) == {"table2", "table3"}
+    assert summary["strategy"].iloc[-1] == "mine"
+
+
+def test_a_variant_stands_in_the_tables_of_its_strategy_after_it_and_no_paper_prints_it(trials):
+    variant = trials[trials["strategy"] == "random"].assign(strategy="random[bias=0.5]")
+    summary = summary_table(pd.concat((trials, variant)))
+    own = lines(summary, strategy="random[bias=0.5]")
+    assert set(own["table"]) == {"table2"}
+    assert own["paper"].isna().all()
+    order = list(dict.fromkeys(summary["strategy"]))
+    assert order.index("random[bias=0.5]") == order.index("random") + 1
+
+
+def test_two_sets_of_weights_of_one_name_are_refused(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.bin").write_bytes(name.encode())
+    made = explored(100)
+    two = [
+        with_spec(made, trial=i, training_seed=0, weights=str(tmp_path / f"{name}.bin")) for i, name in enumerate("ab")
+    ]
+    assert len(trial_table(two[:1])) == 1
+    with pytest.raises(RequestError, match=r"the weights .*a\.bin and for the weights .*b\.bin in one folder"):
+        trial_table(two)
+
+
+def test_training_seeds_are_averaged_within_a_world_first():
+    """Worlds count once each: n = 2, not 6."""
+    table = trial_table(seeded({(0, 0): 100, (1, 0): 140, (2, 0): 120, (0, 1): 220, (1, 1): 200, (2, 1): 180}))
+    assert by_world(table, "trajectory_error") == pytest.approx({0: 0.6, 1: 1.0})
+    line = lines(summary_table(table), table="table2", strategy="nearest", metric="trajectory_error", size=20.0).iloc[0]
+    expected = mean_interval(np.array([0.6, 1.0]))
+    assert (line["n"], line["mean"], line["ci_low"]) == (2, pytest.approx(0.8), pytest.approx(expected.low))
+    assert (line["seeds"], line["seed_low"], line["seed_high"]) == (3, pytest.approx(0.75), pytest.approx(0.85))
+
+
+def test_worlds_weigh_alike_however_many_training_seeds_ran_on_them():
+    """Worlds 0 and 1 with two seeds and world 2 with one: (0.5 + 0.7) / 2, (0.8 + 1.0) / 2 and 2."""
+    table = trial_table(seeded({(0, 0): 100, (1, 0): 140, (0, 1): 160, (1, 1): 200, (1, 2): 400}))
+    assert by_world(table, "trajectory_error") == pytest.approx({0: 0.6, 1: 0.9, 2: 2.0})
+    line = lines(summary_table(table), table="table2", strategy="nearest", metric="trajectory_error", size=20.0).iloc[0]
+    assert (line["n"], line["mean"]) == (3, pytest.approx(3.5 / 3))
+
+
+def test_trials_of_every_training_seed_that_did_not_explore_are_counted():
+    made = seeded({(0, 0): 100, (1, 0): 140, (1, 1): 100}) + seeded({(0, 1): 90}, status="stuck")
+    line = lines(summary_table(trial_table(made)), table="table2", strategy="nearest", metric="decisions").iloc[0]
+    assert (line["n"], line["failed"]) == (2, 1)
+
+
+def test_a_value_that_is_missing_is_never_left_out_of_a_mean_over_training_seeds():
+    """A mean over those that have one would flatter."""
+    made = [with_spec(explored(100), training_seed=0), with_spec(record("failed", MAP, rows=0), training_seed=1)]
+    table = trial_table(made)
+    assert math.isnan(table["path_length"].iloc[1])
+    assert math.isnan(by_world(table, "path_length")[0])
+
+
+@pytest.mark.parametrize(
+    "other",
+    [record("failed", MAP, rows=0, trial=1), explored(0, trial=1)],
+    ids=["failed before its first row", "explored without a step"],
+)
+def test_a_metric_that_a_trial_lacks_has_no_mean_over_the_others(other):
+    """It has no mean at all, or every trial counts; the summary is made either way."""
+    summary = summary_table(trial_table([explored(100), other]))
+    assert set(lines(summary, strategy="nearest", metric="trajectory_error")["n"]) == {2}
+    for name in ("path_length", "exploration_efficiency", "pose_nees"):
+        assert set(lines(summary, strategy="nearest", metric=name)["n"]) <= {0, 2}, name
+
+
+def test_regret_is_summarized_where_every_world_has_a_reference():
+    made = [explored(150, trial=t) for t in range(2)]
+    reference = [with_spec(explored(100, trial=t, strategy="clairvoyant"), reference=True) for t in range(2)]
+    full = summary_table(trial_table([*made, *reference]))
+    assert lines(full, table="table2", strategy="nearest", metric="regret")["mean"].iloc[0] == pytest.approx(0.5)
+    part = summary_table(trial_table([*made, reference[0]]))
+    assert len(lines(part, strategy="nearest", metric="regret")) == 0
+
+
+# times.csv
+
+
+def outcome(trial, seconds, strategy="nearest", decisions=(0.1, 0.2, 0.6), size=12.0):
+    spec = dataclasses.replace(tiny_plan(["nearest"], trials=1)[0], trial=trial, strategy=strategy)
+    spec = dataclasses.replace(spec, scenario=spec.scenario.replace(size=size))
+    return Outcome(spec, Status.EXPLORED, "", 25, seconds, tuple(decisions))
+
+
+def test_times_are_those_of_the_outcomes(tmp_path):
+    write_times(tmp_path, [outcome(0, 1.5)])
+    row = read_csv(tmp_path / "times.csv", TIME_COLUMNS).iloc[0]
+    assert (row["strategy"], row["size"], row["trial"], row["seconds"], row["steps"]) == ("nearest", 12.0, 0, 1.5, 25)
+    assert (row["decisions"], row["decision_ms"], row["decision_ms_max"]) == (3, 200.0, 600.0)
+
+
+def test_times_of_later_runs_are_added_and_replace_those_of_the_same_trial(tmp_path):
+    write_times(tmp_path, [outcome(1, 1.0), outcome(0, 2.0)])
+    write_times(tmp_path, [outcome(1, 3.0), outcome(2, 4.0), outcome(0, 5.0, "random")])
+    table = read_csv(tmp_path / "times.csv", TIME_COLUMNS)
+    found = list(zip(table["strategy"], table["trial"], table["seconds"], strict=True))
+    assert found == [("nearest", 0, 2.0), ("nearest", 1, 3.0), ("nearest", 2, 4.0), ("random", 0, 5.0)]
+
+
+def test_times_tell_training_seeds_apart(tmp_path):
+    one, other = outcome(0, 1.0), outcome(0, 2.0)
+    other = dataclasses.replace(other, spec=dataclasses.replace(other.spec, training_seed=1))
+    write_times(tmp_path, [one, other])
+    write_times(tmp_path, [dataclasses.replace(other, seconds=3.0)])
+    table = read_csv(tmp_path / "times.csv", TIME_COLUMNS)
+    found = {
+        (None if pd.isna(seed) else seed): s for seed, s in zip(table["training_seed"], table["seconds"], strict=True)
+    }
+    assert found == {None: 1.0, 1: 3.0}
+
+
+def test_a_run_without_trials_leaves_the_times_alone(tmp_path):
+    write_times(tmp_path, [])
+    assert not (tmp_path / "times.csv").exists()
+
+
+def test_a_trial_without_decisions_has_no_decision_time(tmp_path):
+    write_times(tmp_path, [outcome(0, 1.0, decisions=())])
+    row = read_csv(tmp_path / "times.csv", TIME_COLUMNS).iloc[0]
+    assert row["decisions"] == 0
+    assert math.isnan(row["decision_ms"])
+    assert math.isnan(row["decision_ms_max"])
+
+
+def test_the_time_to_expect_is_the_mean_of_the_like_that_ran(tmp_path):
+    write_times(tmp_path, [outcome(0, 2.0), outcome(1, 4.0), outcome(0, 50.0, "random")])
+    assert expected_seconds(tmp_path, tiny_plan(("nearest",), trials=5)) == pytest.approx(15.0)
+
+
+def test_without_times_larger_maps_are_expected_to_take_longer(tmp_path):
+    small, large = tiny_plan(("nearest",), trials=1)[0], outcome(0, 1.0, size=24.0).spec
+    assert expected_seconds(tmp_path, []) == 0.0
+    assert 0.0 < 4 * expected_seconds(tmp_path, [small]) < expected_seconds(tmp_path, [large])
+
+
+@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "\x00\x01"], ids=["empty", "other columns", "bytes"])
+def test_a_times_file_that_is_none_is_refused_by_its_name(tmp_path, content):
+    (tmp_path / "times.csv").write_text(content)
+    with pytest.raises(RequestError) as caught:
+        expected_seconds(tmp_path, tiny_plan(trials=1))
+    assert str(tmp_path / "times.csv") in str(caught.value)
+    assert "\n" not in str(caught.value)

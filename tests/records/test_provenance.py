@@ -1,0 +1,518 @@
+"""The key of a trial: what changes it, what does not, and which code and libraries it follows."""
+
+import dataclasses
+import itertools
+import json
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from handmade import TINY, tiny_plan, write_plugin
+
+from explore_bench.records import provenance
+from explore_bench.records.provenance import (
+    code_digest,
+    forget_code,
+    installed_version,
+    library_versions,
+    scenario_digest,
+    spec_values,
+    trial_key,
+    weights_digest,
+)
+from explore_bench.strategies.entry import parse_factory
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.scenario import Scenario
+
+BASE = TrialSpec("nearest", "baselines.nearest:Nearest", TINY, 0)
+
+
+def changed(**fields):
+    return dataclasses.replace(BASE, **fields)
+
+
+# What a specification contributes
+
+
+def test_a_key_is_twenty_hexadecimal_digits():
+    assert len(trial_key(BASE)) == 20
+    int(trial_key(BASE), 16)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"trial": 1},
+        {"root": 1},
+        {"purpose": "calibrate"},
+        {"parameters": {"weight": 0.5}},
+        {"reference": True},
+        {"training_seed": 0},
+        {"broken": "it cannot be imported"},
+        {"scenario": TINY.replace(coverage=0.79)},
+        {"scenario": TINY.replace(size=14.0)},
+        {"factory": "baselines.random_walk:Random"},
+        {"factory": "baselines.nearest:Other"},
+    ],
+    ids=lambda fields: next(iter(fields)),
+)
+def test_whatever_defines_a_trial_changes_its_key(fields):
+    assert trial_key(changed(**fields)) != trial_key(BASE)
+
+
+@pytest.mark.parametrize("name", sorted(Scenario.model_fields))
+def test_every_constant_of_the_scenario_changes_the_key(name):
+    other = {"fusion": "determinant", "first_sight": "replace", "occlusion": True, "cell_size": 1.0, "coverage": 0.7}
+    other |= {"key_pose_spacing": 0.5, "map": ("......",) * 6}
+    value = getattr(TINY, name)
+    new = other[name] if name in other else 1 if value is None else 2 * value
+    if name in ("hit", "miss", "occupancy_clamp"):
+        new = value + 0.01
+    if name == "obstacle_density":
+        new = value / 2
+    assert trial_key(changed(scenario=TINY.replace(**{name: new}))) != trial_key(BASE)
+
+
+def test_the_name_of_the_scenario_does_not_change_the_key():
+    assert trial_key(changed(scenario_name="another name")) == trial_key(BASE)
+
+
+def test_one_strategy_under_two_names_has_two_keys():
+    assert trial_key(changed(strategy="another name")) != trial_key(BASE)
+
+
+def test_a_constant_set_to_its_default_does_not_change_the_key():
+    same = TINY.replace(sensor_range=TINY.sensor_range)
+    assert trial_key(changed(scenario=same)) == trial_key(BASE)
+
+
+def test_parameters_count_in_any_order():
+    forth, back = {"a": 1, "b": 2.5}, {"b": 2.5, "a": 1}
+    assert trial_key(changed(parameters=forth)) == trial_key(changed(parameters=back))
+    assert trial_key(changed(parameters=forth)) != trial_key(changed(parameters={"a": 2.5, "b": 1}))
+
+
+def test_close_values_have_different_keys():
+    assert trial_key(changed(parameters={"w": 0.1 + 0.2})) != trial_key(changed(parameters={"w": 0.3}))
+
+
+def test_the_record_version_changes_the_key(monkeypatch):
+    before = trial_key(BASE)
+    monkeypatch.setattr(provenance, "SCHEMA_VERSION", provenance.SCHEMA_VERSION + 1)
+    assert trial_key(BASE) != before
+
+
+def test_a_key_is_the_same_in_another_process():
+    code = (
+        "from explore_bench.trial.spec import TrialSpec\n"
+        "from explore_bench.world.scenario import Scenario\n"
+        "from explore_bench.records.provenance import trial_key\n"
+        f"print(trial_key(TrialSpec('nearest', 'baselines.nearest:Nearest', Scenario(**{TINY.model_dump()!r}), 0)))"
+    )
+    environment = {"PYTHONHASHSEED": "1", "PATH": ""}
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert found.stdout.strip() == trial_key(BASE)
+
+
+def test_a_specification_survives_json():
+    spec = changed(parameters={"w": 1 / 3, "deep": {"a": [1, 2]}}, training_seed=4, reference=True, weights="a/b.c")
+    values = json.loads(json.dumps(spec_values(spec)))
+    assert TrialSpec(**{**values, "scenario": Scenario(**values["scenario"])}) == spec
+
+
+# Weights
+
+
+@pytest.fixture
+def weighed(tmp_path, fresh_digests):
+    """Return a function that writes a file of weights and returns the key of a trial with them."""
+
+    def write(content, place="a/weights-0.safetensors"):
+        file = tmp_path / place
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+        fresh_digests()
+        return trial_key(changed(weights=str(file)))
+
+    return write
+
+
+def test_the_bytes_of_the_weights_change_the_key(weighed):
+    keys = [weighed(content) for content in (b"one", b"two", b"one ", b"", b"one")]
+    assert keys[0] == keys[-1]
+    assert len(set(keys)) == 4
+    assert trial_key(BASE) not in keys
+
+
+def test_the_weights_may_lie_anywhere(weighed):
+    """Neither their folder nor their name is part of the key, so that records can be compared between machines."""
+    assert weighed(b"one") == weighed(b"one", "b/weights-0.safetensors") == weighed(b"one", "other.safetensors")
+
+
+def test_weights_that_are_gone_have_a_key_of_their_own(weighed, tmp_path, fresh_digests):
+    before = weighed(b"one", "gone.safetensors")
+    (tmp_path / "gone.safetensors").unlink()
+    fresh_digests()
+    after = trial_key(changed(weights=str(tmp_path / "gone.safetensors")))
+    assert after not in (before, trial_key(BASE))
+    assert weights_digest(str(tmp_path / "gone.safetensors")) == "absent"
+
+
+def test_the_training_seed_counts_beside_the_weights(weighed, tmp_path):
+    """Two trainings may end alike, and their rows are two all the same."""
+    weighed(b"one")
+    spec = changed(weights=str(tmp_path / "a" / "weights-0.safetensors"), training_seed=0)
+    assert trial_key(spec) != trial_key(dataclasses.replace(spec, training_seed=1))
+
+
+def test_weights_that_were_trained_anew_are_seen_once_the_code_is_read_anew(weighed, tmp_path):
+    before = weighed(b"one")
+    file = tmp_path / "a" / "weights-0.safetensors"
+    file.write_bytes(b"two")
+    spec = changed(weights=str(file))
+    assert trial_key(spec) == before, "within a run they do not change"
+    forget_code()
+    assert trial_key(spec) != before
+
+
+# The digest of a scenario
+
+
+def test_a_scenario_s_digest_is_twelve_hexadecimal_digits_of_its_constants():
+    digest = scenario_digest(TINY)
+    assert len(digest) == 12
+    int(digest, 16)
+    assert scenario_digest(TINY.replace(sensor_range=TINY.sensor_range)) == digest
+    others = {scenario_digest(TINY.replace(**{name: 2 * getattr(TINY, name)})) for name in ("size", "odometry_sigma")}
+    assert len(others | {digest}) == 3
+
+
+# The source of a strategy
+
+
+def key_of(factory):
+    return trial_key(dataclasses.replace(tiny_plan([factory], trials=1)[0]))
+
+
+EDITS = {
+    "a comment": ("import math", "import math  # why?\n\n# a comment"),
+    "a docstring of the class": ("class Plugin:", 'class Plugin:\n    """Another plugin."""\n'),
+    "a docstring of a function": ("def later(self, o):", 'def later(self, o):\n        """Later."""'),
+    "a docstring of the module": ('"""A plugin."""', '"""Quite another\n\nplugin."""'),
+    "blank lines and parentheses": ("return 0", "\n\n        return (0)"),
+}
+SOURCE = '''"""A plugin."""
+import math
+
+class Plugin:
+    def later(self, o):
+        return 0
+    def reset(self, rng): ...
+'''
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    """Return a function that writes a strategy's file, each time in a folder of its own, and returns a trial's key."""
+    folders = (tmp_path / f"{i}" for i in itertools.count())
+
+    def write(source):
+        folder = next(folders)
+        folder.mkdir()
+        (folder / "plugin.py").write_text(source)
+        return key_of(f"{folder / 'plugin.py'}:Plugin")
+
+    return write
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_what_does_not_run_does_not_change_the_key(plugin, edit):
+    old, new = EDITS[edit]
+    assert old in SOURCE
+    assert plugin(SOURCE.replace(old, new)) == plugin(SOURCE)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("return 0", "return 1"),
+        ("return 0", "return -0"),
+        ("self, o", "self, o=None"),
+        ("import math\n", "import os\n"),
+    ],
+)
+def test_code_that_changes_changes_the_key(plugin, old, new):
+    assert plugin(SOURCE.replace(old, new)) != plugin(SOURCE)
+
+
+def test_a_string_that_is_no_docstring_counts(plugin):
+    assert plugin(SOURCE.replace("return 0", "return 'a'")) != plugin(SOURCE.replace("return 0", "return 'b'"))
+
+
+def test_a_plugin_s_file_may_lie_anywhere(tmp_path):
+    """Its folder is no part of the key, so that records can be compared between machines."""
+    keys = set()
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        keys.add(key_of(write_plugin(folder)))
+    assert len(keys) == 1
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch, fresh_digests):
+    """Return a function that writes modules of a package and returns the digest of one."""
+
+    def write(place, **sources):
+        folder = tmp_path / "someones_package"
+        folder.mkdir(exist_ok=True)
+        for name in ("__init__", *sources):
+            (folder / f"{name}.py").write_text(sources.get(name, ""))
+        fresh_digests()
+        return code_digest(f"someones_package.{place}")
+
+    monkeypatch.syspath_prepend(tmp_path)
+    yield write
+    for name in [name for name in sys.modules if name.startswith("someones_package")]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "from someones_package.maths import f",
+        "import someones_package.maths",
+        "from .maths import f",
+        "from . import maths",
+        "from someones_package import maths",
+        "def late():\n    from .maths import f",
+    ],
+)
+def test_a_module_of_the_strategy_s_own_package_counts_however_it_is_imported(package, statement):
+    before = package("strategy", strategy=statement, maths="def f(): return 1")
+    assert package("strategy", strategy=statement, maths="def f(): return 2") != before
+    assert package("strategy", strategy=statement, maths="def f(): return 1  # the same") == before
+
+
+def test_a_package_outside_of_the_libraries_counts_for_a_file_that_imports_it(package, tmp_path, fresh_digests):
+    """In a checkout, say, or installed from one to be edited."""
+    plugin = write_plugin(tmp_path, head="from someones_package.maths import f")
+    keys = []
+    for source in ("f = 1", "f = 2", "f = 1  # the same"):
+        package("strategy", maths=source)
+        keys.append(key_of(plugin))
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_a_file_beside_the_plugin_counts_where_it_can_be_imported(tmp_path, monkeypatch, fresh_digests):
+    plugin, beside = write_plugin(tmp_path, head="import beside_the_plugin"), tmp_path / "beside_the_plugin.py"
+    beside.write_text("f = 1\n")
+    assert "beside_the_plugin" not in modules(plugin)
+    monkeypatch.syspath_prepend(tmp_path)
+    fresh_digests()
+    before = key_of(plugin)
+    beside.write_text("f = 2\n")
+    fresh_digests()
+    assert key_of(plugin) != before
+
+
+def test_packages_that_register_strategies_count_by_source_wherever_they_lie(tmp_path):
+    followed = modules(write_plugin(tmp_path, head="from baselines.nearest import Nearest"))
+    assert "baselines.nearest" in followed
+    assert provenance._counts_by_source("baselines")
+    assert not provenance._counts_by_source("pytest")
+    assert not provenance._counts_by_source("no_such_package_anywhere")
+    assert not provenance._counts_by_source("json")
+
+
+def test_an_installed_package_counts_by_source_for_its_own_strategy_alone(tmp_path, monkeypatch, fresh_digests):
+    library = tmp_path / "site-packages" / "someones_library"
+    library.mkdir(parents=True)
+    (library / "__init__.py").write_text("")
+    (library / "strategy.py").write_text("from .maths import f\n")
+    (library / "maths.py").write_text("f = 1\n")
+    monkeypatch.syspath_prepend(library.parent)
+    fresh_digests()
+    assert "someones_library.maths" in modules("someones_library.strategy:Mine")
+    assert "someones_library.maths" not in modules(write_plugin(tmp_path, head="import someones_library.maths"))
+
+
+def test_a_module_imported_by_an_imported_one_counts(package):
+    chain = {"strategy": "from .a import f", "a": "from .b import f"}
+    assert package("strategy", **chain, b="f = 1") != package("strategy", **chain, b="f = 2")
+
+
+def test_a_module_of_the_package_that_nothing_imports_does_not_count(package):
+    assert package("strategy", strategy="x = 1", other="f = 1") == package("strategy", strategy="x = 1", other="f = 2")
+
+
+# Which modules are followed
+
+
+def modules(factory):
+    return set(provenance._modules(parse_factory(factory)[0]))
+
+
+CORE = {
+    "explore_bench.trial.run",
+    "explore_bench.trial.landmark",
+    "explore_bench.robot.landmark.driver",
+    "explore_bench.geometry",
+    "explore_bench.world.scenario",
+    "explore_bench.trial.seeding",
+    "explore_bench.robot.planning.astar",
+    "explore_bench.robot.planning.candidates",
+    "explore_bench.world.landmark.world",
+    "explore_bench.world.landmark.motion",
+    "explore_bench.world.landmark.sensor",
+    "explore_bench.robot.landmark.factor_graph",
+    "explore_bench.robot.landmark.marginals",
+    "explore_bench.robot.landmark.smoother",
+    "explore_bench.robot.virtual_map",
+    "explore_bench.robot.occupancy",
+}
+
+
+def sources(folder):
+    package = Path(provenance.__file__).parent
+    return {f"explore_bench.{folder}.{path.stem}" for path in (package / folder).glob("[a-z]*.py")}
+
+
+@pytest.mark.parametrize("factory", ["baselines.nearest:Nearest", "baselines.clairvoyant:Clairvoyant"])
+def test_all_of_the_core_that_a_trial_runs_is_followed(factory):
+    followed = modules(factory)
+    assert followed >= CORE
+    assert followed >= sources("simulator")
+    assert followed >= sources("planning")
+    assert factory.split(":")[0] in followed
+
+
+def test_slam_is_followed_as_far_as_the_strategy_uses_it():
+    """Only a strategy that predicts depends on how that is done."""
+    assert modules("baselines.entropy:Entropy") >= sources("slam")
+    assert "explore_bench.robot.landmark.prediction" not in modules("baselines.nearest:Nearest")
+
+
+@pytest.mark.parametrize("module", ["gcn", "graph_stnn", "graph_stnn_plus"])
+def test_a_learned_strategy_is_followed_into_its_network_and_not_into_its_training(module):
+    """How weights came about does not matter to a trial: they are part of its key themselves."""
+    followed = modules(f"baselines.learned.{module}:strategy")
+    assert {f"baselines.learned.{name}" for name in (module, "policy", "checkpoint")} <= followed
+    assert not [name for name in followed if name.startswith("baselines.training")]
+    assert {"explore_bench.trial.reward", "explore_bench.analysis.training_curve"}.isdisjoint(followed)
+    assert "torch" in library_versions(f"baselines.learned.{module}")
+
+
+def test_one_learned_strategy_does_not_depend_on_the_networks_of_another():
+    assert "baselines.learned.graph_stnn" not in modules("baselines.learned.gcn:strategy")
+    assert "baselines.learned.gcn" not in modules("baselines.learned.graph_stnn:strategy")
+
+
+@pytest.mark.parametrize(
+    "kind", ["from explore_bench.robot.landmark import predict", "import explore_bench.robot.landmark.prediction"]
+)
+def test_a_plugin_s_file_is_followed_into_the_core(tmp_path, kind):
+    factory = write_plugin(tmp_path, head=kind)
+    assert "explore_bench.robot.landmark.prediction" in modules(factory)
+    assert "plugin.py" in modules(factory)
+
+
+@pytest.mark.parametrize("factory", ["baselines.nearest:Nearest", "baselines.uncertainty:Uncertainty"])
+def test_what_only_keeps_and_shows_results_is_not_followed(factory):
+    parts = {"records", "metrics", "statistics", "results", "merging", "runner", "workers", "suites", "cli", "perf"}
+    parts |= {"registry", "report"}
+    assert not [name for name in modules(factory) if name.split(".")[1] in parts and name.startswith("explore_bench")]
+
+
+def test_an_edited_core_changes_every_key(monkeypatch, tmp_path, fresh_digests):
+    """The syntax of one module of the core replaced by another's."""
+    factories = ["baselines.nearest:Nearest", write_plugin(tmp_path)]
+    before = [code_digest(parse_factory(factory)[0]) for factory in factories]
+    code_digest.cache_clear()
+    true_syntax = provenance._syntax
+    monkeypatch.setattr(provenance, "_syntax", lambda path: b"edited" if path.name == "astar.py" else true_syntax(path))
+    after = [code_digest(parse_factory(factory)[0]) for factory in factories]
+    assert all(one != other for one, other in zip(before, after, strict=True))
+
+
+# Libraries
+
+
+def test_libraries_that_the_trial_s_code_imports_enter_with_their_versions():
+    versions = library_versions("baselines.nearest")
+    assert {"gtsam", "numba", "numpy"} <= versions.keys()
+    assert "torch" not in versions
+    assert versions["numpy"] == installed_version("numpy")
+
+
+def test_a_strategy_that_imports_torch_depends_on_its_version(tmp_path):
+    factory = write_plugin(tmp_path, head="import torch")
+    assert library_versions(parse_factory(factory)[0])["torch"] == installed_version("torch")
+
+
+def test_every_library_that_a_plugin_imports_enters_with_its_version(tmp_path):
+    factory = write_plugin(tmp_path, head="import json, pytest, yaml_is_no_module\nfrom PIL import Image")
+    versions = library_versions(parse_factory(factory)[0])
+    assert versions["pytest"] == installed_version("pytest")
+    assert versions["PIL"] == installed_version("pillow") != "absent"
+    assert versions["yaml_is_no_module"] == "absent"
+    assert "json" not in versions
+    assert "pydantic" not in versions, "what the core imports beyond its LIBRARIES changes no number"
+
+
+def test_installing_what_a_plugin_lacked_changes_its_key(tmp_path, monkeypatch, fresh_digests):
+    plugin = write_plugin(tmp_path, head="import lacking_so_far")
+    before = key_of(plugin)
+    folder = tmp_path / "site-packages"
+    folder.mkdir()
+    (folder / "lacking_so_far.py").write_text("")
+    monkeypatch.syspath_prepend(folder)
+    fresh_digests()
+    assert key_of(plugin) != before
+
+
+def test_another_version_of_a_library_changes_the_key(monkeypatch, fresh_digests):
+    before = trial_key(BASE)
+    monkeypatch.setattr(provenance, "version", lambda name: "99.0" if name == "gtsam" else "1.0")
+    library_versions.cache_clear()
+    assert library_versions("baselines.nearest")["gtsam"] == "99.0"
+    assert trial_key(BASE) != before
+
+
+def test_a_library_that_is_not_installed_is_absent():
+    assert installed_version("no-such-distribution-anywhere") == "absent"
+
+
+LAYOUTS = {
+    "the strategy's own module": ("learner:Plugin", {"learner.py": "import torch\n"}),
+    "a module of its package": (
+        "learning.policy:Plugin",
+        {
+            "learning/__init__.py": "",
+            "learning/policy.py": "from .net import Net\n",
+            "learning/net.py": "import torch\n",
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_reading_versions_and_making_a_key_imports_no_torch(tmp_path, layout):
+    """A torch that ends the process when it is imported stands in its place."""
+    factory, files = LAYOUTS[layout]
+    (tmp_path / "torch.py").write_text("raise SystemExit('torch was imported')\n")
+    for name, source in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(source)
+    code = f"""
+    from explore_bench.records.provenance import library_versions, trial_key
+    from explore_bench.world.scenario import PAPER
+    from explore_bench.trial.spec import TrialSpec
+    assert "torch" in library_versions("{factory.split(":")[0]}")
+    trial_key(TrialSpec("learner", "{factory}", PAPER, 0))
+    """
+    found = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert found.returncode == 0, found.stderr

@@ -1,0 +1,59 @@
+"""Digests of observations: alike for alike ones, and every part that is changed is named."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from explore_bench.robot.landmark.prediction import predict
+from explore_bench.runs.conformance.digest import changed_part, digests
+from explore_bench.runs.conformance.tours import SMALL, observations
+
+
+@pytest.fixture(scope="module")
+def observation():
+    return observations(SMALL)[-1]
+
+
+def test_all_parts_have_one(observation):
+    found = digests(observation)
+    assert {"candidates", "paths", "path_lengths", "positions", "step", "decision"} <= found.keys()
+    assert {"belief.poses", "belief.occupancy", "belief.known", "belief.scenario", "belief.uncertainty"} <= found.keys()
+    assert {"belief.elimination.corner"} <= found.keys()
+    assert any(name.startswith("belief.linearization.") for name in found)
+
+
+def test_reading_changes_nothing(observation):
+    before = digests(observation)
+    predict(observation.belief, observation.paths[0])
+    assert observation.scenario.step_limit and observation.scenario.cells
+    assert changed_part(before, observation) == ""
+
+
+def test_each_changed_array_is_named(observation):
+    before = digests(observation)
+    for holder, prefix in ((observation, ""), (observation.belief, "belief."), (observation.belief.elimination, "")):
+        for field in dataclasses.fields(holder):
+            value = getattr(holder, field.name)
+            if not isinstance(value, np.ndarray) or not value.size:
+                continue
+            other = value.copy()
+            other.flat[-1] = not other.flat[-1] if other.dtype == bool else other.flat[-1] + 1
+            changed = dataclasses.replace(holder, **{field.name: other})
+            if holder is observation.belief:
+                changed = dataclasses.replace(observation, belief=changed)
+            elif holder is observation.belief.elimination:
+                belief = dataclasses.replace(observation.belief, elimination=changed)
+                changed, prefix = dataclasses.replace(observation, belief=belief), "belief.elimination."
+            assert changed_part(before, changed) == f"{prefix}{field.name}"
+
+
+def test_a_changed_path_a_shape_and_a_type_count(observation):
+    before = digests(observation)
+    for changes in (
+        {"paths": (observation.paths[0][:-1], *observation.paths[1:])},
+        {"positions": observation.positions.ravel()},
+        {"candidates": observation.candidates.astype(np.int32)},
+        {"step": observation.step + 1},
+    ):
+        assert changed_part(before, dataclasses.replace(observation, **changes)) == next(iter(changes))

@@ -1,0 +1,166 @@
+"""The measurement of costs: its arithmetic on times made up, its keys, and one real trial."""
+
+import json
+import statistics
+from types import SimpleNamespace
+
+import pytest
+
+from explore_bench.cli import main
+from explore_bench.errors import RequestError
+from explore_bench.runs import perf
+from explore_bench.runs.perf import Part, measure, text, write_json
+from explore_bench.strategies.entry import Entry
+from explore_bench.trial.run import run_trial
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.scenario import PAPER
+
+NEAREST = Entry("baselines.nearest:Nearest", "Nearest")
+DECISION_MS = perf._decision_ms
+
+
+def made_up(size, trial, step_length):
+    """Return times of steps by hand: iSAM2 takes 100 µs, the rest 200 µs, and at 1000 poses 500 µs."""
+    count = 1200 if step_length != PAPER.step_length else 60
+    return [{"isam2": 1e-4, "world": 2e-4 + (3e-4 if i > 500 else 0.0), "row": 0.0} for i in range(count)]
+
+
+@pytest.fixture
+def cheap(monkeypatch):
+    """Two sizes of made-up times, and the decisions of one strategy in one tiny trial."""
+    monkeypatch.setattr(perf, "_steps", made_up)
+    monkeypatch.setattr(perf, "TRIALS", 2)
+    monkeypatch.setattr(perf, "_decision_ms", lambda name, entry, size: size / 10)
+    untrained = Entry("nowhere:learned", "Learned", trainer="nowhere:train")
+    monkeypatch.setattr(perf, "strategies", lambda: {"nearest": NEAREST, "learned": untrained})
+
+
+def test_ratios_and_growth_worked_by_hand(cheap):
+    """300 µs to iSAM2's 100, and 600 µs at 1000 poses to 300 at 100."""
+    numbers = measure()
+    assert numbers.step_to_isam2_ratio == pytest.approx({"20": 3.0, "40": 3.0})
+    assert numbers.step_growth_1000_over_100 == pytest.approx({"20": 2.0, "40": 2.0})
+    assert numbers.median_step_to_isam2_ratio["40"] == pytest.approx({"100": 3.0, "300": 3.0, "1000": 6.0})
+
+
+def test_decisions_are_those_of_the_strategies_that_can_run(cheap):
+    assert measure().decision_ms == {"nearest": {"20": 2.0, "40": 4.0}}
+
+
+def test_parts_are_given_for_whole_trials_and_each_length_of_trajectory(cheap):
+    parts = measure().parts
+    assert {(part.size, part.length) for part in parts} == {
+        (s, n) for s in (20.0, 40.0) for n in (None, 100, 300, 1000)
+    }
+    assert Part("world", 20.0, 1000, pytest.approx(500.0), pytest.approx(5.0)) in parts
+    assert Part("isam2", 20.0, None, pytest.approx(100.0), pytest.approx(1.0)) in parts
+    assert Part("whole step", 40.0, 100, pytest.approx(300.0), pytest.approx(3.0)) in parts
+
+
+def test_the_ratio_is_the_median_over_trials_of_all_their_steps(cheap, monkeypatch):
+    """(1 + 3) / 2, (5 + 5) / 2 and (9 + 3) / 2: 5, where the median step would give 4."""
+    totals = [[1.0, 3.0], [5.0, 5.0], [9.0, 3.0]]
+
+    def uneven(size, trial, step_length):
+        if step_length != PAPER.step_length:
+            return made_up(size, trial, step_length)
+        return [{"isam2": 1.0, "world": total - 1.0} for total in totals[trial]]
+
+    monkeypatch.setattr(perf, "TRIALS", 3)
+    monkeypatch.setattr(perf, "_steps", uneven)
+    assert measure().step_to_isam2_ratio["20"] == pytest.approx(5.0)
+
+
+def test_the_json_has_the_keys_of_the_design(cheap, tmp_path):
+    write_json(measure(), tmp_path / "perf.json")
+    values = json.loads((tmp_path / "perf.json").read_text())
+    assert {"step_to_isam2_ratio", "step_growth_1000_over_100", "decision_ms", "parts"} <= values.keys()
+    assert values["step_to_isam2_ratio"].keys() == {"20", "40"}
+    assert values["decision_ms"]["nearest"].keys() == {"20", "40"}
+    assert {"name", "size", "median_us"} <= values["parts"][0].keys()
+    assert all(part["median_us"] >= 0.0 for part in values["parts"])
+
+
+def test_the_text_shows_both_numbers_that_are_goals_and_every_part(cheap):
+    shown = text(measure())
+    assert shown.count("whole step to iSAM2's update over whole trials: 3.00") == 2
+    assert shown.count("whole step at 1000 poses to that at 100: 2.00") == 2
+    for words in ("20 m", "40 m", "100 poses", "1000 poses", "isam2", "world", "nearest"):
+        assert words in shown
+    assert "learned" not in shown
+
+
+def test_a_file_that_cannot_be_written_is_named(cheap, tmp_path):
+    with pytest.raises(RequestError, match="nowhere"):
+        write_json(measure(), tmp_path / "nowhere" / "perf.json")
+
+
+def test_the_command_prints_and_writes_what_was_measured(cheap, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["perf", "--json", str(tmp_path / "perf.json")])
+    assert ended.value.code == 0
+    captured = capsys.readouterr()
+    assert "whole step" in captured.out
+    assert "whole trials at 20 m" in captured.err
+    assert json.loads((tmp_path / "perf.json").read_text())["step_growth_1000_over_100"]["20"] == pytest.approx(2.0)
+
+
+def test_every_step_of_a_real_trial_is_timed_in_all_its_parts():
+    steps = perf._steps(20.0, 0, PAPER.step_length)
+    spec = TrialSpec("perf", "explore_bench.runs.perf:FreeChoice", PAPER, 0, purpose="calibrate")
+    assert len(steps) == len(run_trial(spec).steps) - 1
+    names = {"isam2", "row", "world", "driver"}
+    assert all(names <= step.keys() for step in steps)
+    assert all(seconds >= 0.0 for step in steps for seconds in step.values())
+    assert perf.DECISION not in steps[0], "a strategy's time is not the harness's"
+
+
+def test_the_time_of_a_decision_is_that_of_the_strategy(monkeypatch, tmp_path):
+    monkeypatch.setattr(perf, "DECISION_TRIALS", 1)
+    file = tmp_path / "slow.py"
+    file.write_text(
+        "import time\n"
+        "class Slow:\n"
+        "    def reset(self, rng): ...\n"
+        "    def choose(self, observation):\n"
+        "        time.sleep(0.01)\n"
+        "        return int(observation.path_lengths.argmin())\n"
+    )
+    assert 10.0 <= perf._decision_ms("slow", Entry(f"{file}:Slow", "Slow"), 20.0) < 30.0
+    assert perf._decision_ms("nearest", NEAREST, 20.0) < 5.0
+
+
+def test_a_broken_plugin_has_no_time_and_does_not_end_the_measurement(cheap, monkeypatch, tmp_path):
+    monkeypatch.setattr(perf, "DECISION_TRIALS", 1)
+    broken = Entry("no_such_module_anywhere:Mine", "Mine", broken="it cannot be used")
+    monkeypatch.setattr(perf, "_decision_ms", DECISION_MS)
+    monkeypatch.setattr(perf, "strategies", lambda: {"mine": broken, "nearest": NEAREST})
+    write_json(measure(), tmp_path / "perf.json")
+    values = json.loads((tmp_path / "perf.json").read_text())["decision_ms"]
+    assert values["mine"] == {"20": None, "40": None}
+    assert values["nearest"]["20"] > 0.0
+
+
+def test_a_learned_strategy_decides_with_the_weights_of_its_first_training_seed(monkeypatch):
+    asked = []
+
+    def remember(spec):
+        asked.append(spec)
+        return SimpleNamespace(decision_seconds=[0.002])
+
+    monkeypatch.setattr(perf, "run_trial", remember)
+    weights = {2: "two.safetensors", 5: "five.safetensors"}
+    entry = Entry("a:b", "Learned", parameters={"layers": 1}, trainer="a:train", weights=weights)
+    assert perf._decision_ms("learned", entry, 20.0) == pytest.approx(2.0)
+    assert len(asked) == perf.DECISION_TRIALS
+    assert {spec.purpose for spec in asked} == {"calibrate"}
+    assert all(spec.arguments == {"layers": 1, "weights": "two.safetensors"} for spec in asked)
+
+
+@pytest.mark.slow
+def test_the_real_measurement():
+    """The goals at 20 m are 4 and 4; a busy machine and the mix of steps swing both, so only a blunder fails."""
+    numbers = measure()
+    assert numbers.step_to_isam2_ratio["20"] < 8.0
+    assert numbers.step_growth_1000_over_100["20"] < 20.0
+    assert statistics.median(by_size["20"] for by_size in numbers.decision_ms.values()) > 0.0
