@@ -12,7 +12,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from explore_bench.strategies.entry import Entry, Published
+from explore_bench import Entry, Published
 
 WEIGHTS = Path(__file__).with_name("weights")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from explore_bench.analysis.claims import Claim, comparisons
+from explore_bench import Claim, comparisons
 
 _BOTH = ("trajectory_error", "exploration_efficiency")
 _ABLATIONS = (

@@ -12,12 +12,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench import Observation, World
-from explore_bench.compiled import jit
-from explore_bench.geometry import Array, cell_of, centres, wrap_angle
-from explore_bench.robot.planning.astar import search, trace
-from explore_bench.robot.planning.candidates import frontier_cells
-from explore_bench.world.scenario import Scenario
+from explore_bench import (
+    Array,
+    Grid,
+    LandmarkScenario,
+    Observation,
+    Scenario,
+    World,
+    cells_of,
+    centre_of,
+    frontier_cells,
+    jit,
+    search_grid,
+    trace_path,
+    wrap_angle,
+)
 
 BEAM = 24
 """Plans kept at each depth; docs/clairvoyant.md shows what wider beams gain."""
@@ -34,16 +43,16 @@ class Clairvoyant:
 
     def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
         """Begin a trial in a world that is known; there is nothing to draw."""
-        n, size = world.cells, world.cell_size
         self._obstacles = world.obstacles.reshape(-1).copy()
-        self._uncounted = world.uncounted.copy()
+        self._uncounted = np.flatnonzero(~world.counted)
         self._landmarks = world.landmarks.copy()
-        self._landmark_cells = np.array([cell_of(x, y, n, size) for x, y in world.landmarks], dtype=np.int64)
+        self._landmark_cells = cells_of(world.grid, world.landmarks)
         self._view: NDArray[np.int64] | None = None
 
     def choose(self, observation: Observation) -> int:
         """Return the index of the candidate with which the fastest plan begins."""
         scenario, belief = observation.scenario, observation.belief
+        assert isinstance(scenario, LandmarkScenario)
         if self._view is None:
             self._view = views(scenario)
         known = belief.known.reshape(-1).copy()
@@ -62,7 +71,8 @@ class Clairvoyant:
             self._landmarks,
             self._landmark_cells,
             self._view,
-            (scenario.cells, scenario.cell_size, scenario.sensor_range),
+            scenario.grid,
+            scenario.sensor_range,
             (scenario.step_length, math.radians(scenario.turn_threshold_deg)),
             (scenario.candidates_per_robot, scenario.candidates_per_landmark),
             len(self._uncounted) + math.ceil(scenario.coverage * counted - 1e-9),
@@ -72,12 +82,12 @@ class Clairvoyant:
 
 
 def views(scenario: Scenario) -> NDArray[np.int64]:
-    """Cells in range of each cell's centre, shape (n², V), filled up with −1."""
-    points = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
-    found = [np.flatnonzero(((points - point) ** 2).sum(axis=1) <= scenario.sensor_range**2) for point in points]
-    result = np.full((scenario.cell_count, max(map(len, found))), -1, dtype=np.int64)
-    for cell, inside in enumerate(found):
-        result[cell, : len(inside)] = inside
+    """Cells in range of each cell's centre, shape (n_g, V), filled up with −1."""
+    inside = scenario.grid.in_reach(scenario.grid.centres(), scenario.sensor_range)
+    result = np.full((scenario.cell_count, int(inside.sum(axis=1).max())), -1, dtype=np.int64)
+    for cell, own in enumerate(inside):
+        seen = np.flatnonzero(own)
+        result[cell, : len(seen)] = seen
     return result
 
 
@@ -92,7 +102,8 @@ def _plan(
     landmarks: Array,
     landmark_cells: NDArray[np.int64],
     view: NDArray[np.int64],
-    grid: tuple[int, float, float],
+    grid: Grid,
+    reach: float,
     motion: tuple[float, float],
     counts: tuple[int, int],
     target: int,
@@ -100,8 +111,8 @@ def _plan(
     steps_per_cell: float,
 ) -> int:
     """Beam search to the end of the exploration; returns the first choice of the fastest plan."""
-    n = grid[0]
-    cells = n * n
+    cells = grid.rows * grid.columns
+    shape = grid.rows, grid.columns
     choices = min(counts[0] + counts[1] * landmarks.shape[0], cells)
     room = beam * max(choices, 1) + first_starts.shape[0]
     # plans of this depth: what they know, where they are, how long they took, and with what they began
@@ -125,9 +136,9 @@ def _plan(
             if depth == 0:
                 goals = np.arange(first_starts.shape[0] - 1)
             else:
-                free = _known_free(knowns[b], seens[b], obstacles, landmark_cells).reshape(n, n)
-                _, parents[b] = search(free, places[b], -1)
-                frontier = frontier_cells(knowns[b].reshape(n, n), free, free, places[b])
+                free = _known_free(knowns[b], seens[b], obstacles, landmark_cells).reshape(shape)
+                _, parents[b] = search_grid(free, places[b], -1)
+                frontier = frontier_cells(knowns[b].reshape(shape), free, free, places[b])
                 goals = _select(frontier, places[b], landmarks[seens[b]], grid, counts)
             for goal in goals:
                 path = _path_to(goal, depth, first_paths, first_starts, parents[b])
@@ -166,7 +177,9 @@ def _plan(
             b, goal = child_from[c], child_goal[c]
             path = _path_to(goal, depth, first_paths, first_starts, parents[b])
             next_knowns[alive], next_seens[alive] = knowns[b], seens[b]
-            direction = _reveal(path, headings[b], next_knowns[alive], next_seens[alive], view, landmarks, grid, motion)
+            direction = _reveal(
+                path, headings[b], next_knowns[alive], next_seens[alive], view, landmarks, grid, reach, motion
+            )
             next_places[alive], next_headings[alive] = path[-1], direction
             next_times[alive], next_firsts[alive] = child_time[c], child_first[c]
             next_totals[alive] = next_knowns[alive].sum()
@@ -189,7 +202,7 @@ def _path_to(
     """Cells of a plan's next path: one of the observation's at depth 0, else traced back in a search."""
     if depth == 0:
         return first_paths[first_starts[goal] : first_starts[goal + 1]].copy()
-    return trace(parent, goal)
+    return trace_path(parent, goal)
 
 
 @jit
@@ -202,7 +215,7 @@ def _look_ahead(
     view: NDArray[np.int64],
     mark: NDArray[np.int64],
     stamp: int,
-    grid: tuple[int, float, float],
+    grid: Grid,
     motion: tuple[float, float],
 ) -> tuple[float, int]:
     """Steps along a path until its end or until `target` cells are known, and the number known then.
@@ -212,7 +225,7 @@ def _look_ahead(
     steps = 0.0
     for k in range(path.shape[0]):
         if k > 0:
-            elapsed, heading = _drive(path[k - 1], path[k], heading, grid[0], grid[1], motion)
+            elapsed, heading = _drive(path[k - 1], path[k], heading, grid, motion)
             steps += elapsed
         for cell in view[path[k]]:
             if cell < 0:
@@ -233,18 +246,18 @@ def _reveal(
     seen: NDArray[np.bool_],
     view: NDArray[np.int64],
     landmarks: Array,
-    grid: tuple[int, float, float],
+    grid: Grid,
+    reach: float,
     motion: tuple[float, float],
 ) -> float:
     """Add to `known` and `seen` what a path reveals; returns the heading at its end."""
-    n, cell_size, reach = grid
     for k in range(path.shape[0]):
         if k > 0:
-            _, heading = _drive(path[k - 1], path[k], heading, n, cell_size, motion)
+            _, heading = _drive(path[k - 1], path[k], heading, grid, motion)
         for cell in view[path[k]]:
             if cell >= 0:
                 known[cell] = True
-        x, y = (path[k] % n + 0.5) * cell_size, (path[k] // n + 0.5) * cell_size
+        x, y = centre_of(grid, path[k])
         for m in range(landmarks.shape[0]):
             if math.hypot(landmarks[m, 0] - x, landmarks[m, 1] - y) <= reach:
                 seen[m] = True
@@ -266,12 +279,11 @@ def _known_free(
 
 
 @jit
-def _drive(
-    start: int, end: int, heading: float, n: int, cell_size: float, motion: tuple[float, float]
-) -> tuple[float, float]:
+def _drive(start: int, end: int, heading: float, grid: Grid, motion: tuple[float, float]) -> tuple[float, float]:
     """Steps from one cell's centre to the next, a turn in place included, and the heading afterwards."""
     step_length, turn_threshold = motion
-    dx, dy = (end % n - start % n) * cell_size, (end // n - start // n) * cell_size
+    columns, size = grid.columns, grid.resolution
+    dx, dy = (end % columns - start % columns) * size, (end // columns - start // columns) * size
     direction = math.atan2(dy, dx)
     steps = math.ceil(math.hypot(dx, dy) / step_length - 1e-9)
     if abs(wrap_angle(direction - heading)) > turn_threshold:
@@ -284,21 +296,20 @@ def _select(
     frontier: NDArray[np.int64],
     place: int,
     landmarks: Array,
-    grid: tuple[int, float, float],
+    grid: Grid,
     counts: tuple[int, int],
 ) -> NDArray[np.int64]:
     """Frontier cells nearest to the robot and to each landmark, as the benchmark's candidates, ascending."""
-    n, cell_size, _ = grid
     chosen = np.zeros(frontier.shape[0], dtype=np.bool_)
     for source in range(landmarks.shape[0] + 1):
         if source == 0:
-            x, y = (place % n + 0.5) * cell_size, (place // n + 0.5) * cell_size
+            x, y = centre_of(grid, place)
         else:
             x, y = landmarks[source - 1, 0], landmarks[source - 1, 1]
         squared = np.empty(frontier.shape[0])
         for i in range(frontier.shape[0]):
-            dx, dy = (frontier[i] % n + 0.5) * cell_size - x, (frontier[i] // n + 0.5) * cell_size - y
-            squared[i] = round(dx * dx + dy * dy, 9)
+            frontier_x, frontier_y = centre_of(grid, frontier[i])
+            squared[i] = round((frontier_x - x) ** 2 + (frontier_y - y) ** 2, 9)
         order = np.argsort(squared, kind="mergesort")
         chosen[order[: counts[min(source, 1)]]] = True
     return frontier[chosen]

@@ -9,11 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from explore_bench import Observation, RequestError
-from explore_bench.geometry import Array, centres
-from explore_bench.robot.landmark.prediction import predict
-from explore_bench.robot.occupancy import renyi_entropy, shannon_entropy
-from explore_bench.world.scenario import Scenario
+from explore_bench import Array, Observation, RequestError, Scenario, renyi_entropy, shannon_entropy
 
 
 class Entropy:
@@ -40,19 +36,14 @@ class Entropy:
     def choose(self, observation: Observation) -> int:
         """Return the index of the candidate with the largest gain, the shorter path among equals."""
         belief = observation.belief
+        scenario = observation.scenario
+        views = scenario.grid.in_reach(observation.positions, scenario.sensor_range)
         gains = np.empty(len(observation.candidates))
         for i, path in enumerate(observation.paths):
-            delta = float(np.trace(predict(belief, path).pose_covariances[-1]))
-            view = in_view(observation.positions[i], observation.scenario)
+            delta = float(np.trace(belief.predict(path).pose_covariances[-1]))
             order = 1.0 + 1.0 / delta if self.alpha is None else self.alpha
-            gains[i] = information_gain(belief.occupancy.reshape(-1)[view], order, observation.scenario)
+            gains[i] = information_gain(belief.occupancy.reshape(-1)[views[i]], order, scenario)
         return int(np.lexsort((observation.path_lengths, -np.round(gains, 9)))[0])
-
-
-def in_view(position: Array, scenario: Scenario) -> np.ndarray:
-    """Whether the centre of a cell lies within sensor range of a position [m], shape (n²,)."""
-    cells = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
-    return np.asarray(((cells - position) ** 2).sum(axis=1) <= scenario.sensor_range**2)
 
 
 def information_gain(occupancy: Array, order: float, scenario: Scenario) -> float:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from explore_bench import Observation
-from explore_bench.robot.landmark.prediction import predict
 
 WEIGHT = 1.6
 """w [m² per m of path], tuned on calibration worlds: docs/uncertainty-weight.md."""
@@ -29,5 +28,5 @@ class Uncertainty:
 
     def choose(self, observation: Observation) -> int:
         """Return the index of the candidate with the least cost, the lowest cell among equals."""
-        predicted = np.array([predict(observation.belief, path).uncertainty for path in observation.paths])
+        predicted = np.array([observation.belief.predict(path).uncertainty for path in observation.paths])
         return int(np.round(predicted + self.weight * observation.path_lengths, 9).argmin())

@@ -29,7 +29,7 @@ from explore_bench.runs.perf import Part, Perf, text
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.snapshot import REPLAY_COLUMNS
 from explore_bench.trial.steps import FINAL_COLUMNS, STEP_COLUMNS
-from explore_bench.world.scenario import PAPER
+from explore_bench.world.landmark.scenario import PAPER
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"

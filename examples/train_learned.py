@@ -18,7 +18,7 @@ from safetensors.torch import save_file
 from explore_bench import Scenario, rollout
 from explore_bench.trial.seeding import stream
 from explore_bench.trial.steps import Step
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 
 BATCH = 8
 RATE = 0.02

@@ -1,7 +1,7 @@
 """A benchmark of robot-exploration strategies: one simulator, paired seeded trials, tables with intervals.
 
-Everything here is imported when first used: `explore_bench.run(...)` runs trials, `Observation`, `Strategy` and
-`Entry` are what a strategy needs.
+PUBLIC is the one list of names for strategies, plugins and scripts: `from explore_bench import Observation`. Each is
+imported when it is first used, from the module that the list names; docs/plugins.md shows them with what they are.
 """
 
 from __future__ import annotations
@@ -10,49 +10,185 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from explore_bench.errors import RequestError
-    from explore_bench.runs.runner import run
-    from explore_bench.strategies.contract import Observation, Reference, Strategy
-    from explore_bench.strategies.entry import Entry
-    from explore_bench.trial.rollout import rollout
-    from explore_bench.trial.run import run_trial
-    from explore_bench.trial.spec import TrialSpec
-    from explore_bench.world.landmark.world import World
-    from explore_bench.world.scenario import Scenario
-    from explore_bench.world.scenario_file import load_scenario
+    from explore_bench.analysis.claims import Claim as Claim
+    from explore_bench.analysis.claims import comparisons as comparisons
+    from explore_bench.analysis.training_curve import (
+        CURVE_COLUMNS as CURVE_COLUMNS,
+    )
+    from explore_bench.analysis.training_curve import (
+        CURVE_WINDOW as CURVE_WINDOW,
+    )
+    from explore_bench.analysis.training_curve import (
+        curve_path as curve_path,
+    )
+    from explore_bench.compiled import jit as jit
+    from explore_bench.errors import (
+        RequestError as RequestError,
+    )
+    from explore_bench.errors import (
+        describe as describe,
+    )
+    from explore_bench.errors import (
+        unknown as unknown,
+    )
+    from explore_bench.errors import (
+        writing as writing,
+    )
+    from explore_bench.geometry import (
+        Array as Array,
+    )
+    from explore_bench.geometry import (
+        Grid as Grid,
+    )
+    from explore_bench.geometry import (
+        Pose as Pose,
+    )
+    from explore_bench.geometry import (
+        cell_of as cell_of,
+    )
+    from explore_bench.geometry import (
+        cells_of as cells_of,
+    )
+    from explore_bench.geometry import (
+        cells_within as cells_within,
+    )
+    from explore_bench.geometry import (
+        centre_of as centre_of,
+    )
+    from explore_bench.geometry import (
+        wrap_angle as wrap_angle,
+    )
+    from explore_bench.records.provenance import (
+        installed_version as installed_version,
+    )
+    from explore_bench.records.provenance import (
+        scenario_digest as scenario_digest,
+    )
+    from explore_bench.robot.belief import Belief as Belief
+    from explore_bench.robot.belief import Prediction as Prediction
+    from explore_bench.robot.occupancy import (
+        OCCUPIED_ABOVE as OCCUPIED_ABOVE,
+    )
+    from explore_bench.robot.occupancy import (
+        renyi_entropy as renyi_entropy,
+    )
+    from explore_bench.robot.occupancy import (
+        shannon_entropy as shannon_entropy,
+    )
+    from explore_bench.robot.planning.astar import search_grid as search_grid
+    from explore_bench.robot.planning.astar import trace_path as trace_path
+    from explore_bench.robot.planning.frontier import frontier_cells as frontier_cells
+    from explore_bench.robot.planning.roads import Reachable as Reachable
+    from explore_bench.robot.planning.roads import Roads as Roads
+    from explore_bench.runs.conformance import check as check
+    from explore_bench.runs.runner import run as run
+    from explore_bench.strategies.contract import (
+        Observation as Observation,
+    )
+    from explore_bench.strategies.contract import (
+        Reference as Reference,
+    )
+    from explore_bench.strategies.contract import (
+        Strategy as Strategy,
+    )
+    from explore_bench.strategies.contract import (
+        Target as Target,
+    )
+    from explore_bench.strategies.entry import Entry as Entry
+    from explore_bench.strategies.entry import Published as Published
+    from explore_bench.strategies.entry import parse_factory as parse_factory
+    from explore_bench.trial.decision_process import Course as Course
+    from explore_bench.trial.decision_process import DecisionProcess as DecisionProcess
+    from explore_bench.trial.reward import REWARD_WEIGHTS as REWARD_WEIGHTS
+    from explore_bench.trial.reward import RewardWeights as RewardWeights
+    from explore_bench.trial.rollout import rollout as rollout
+    from explore_bench.trial.run import run_trial as run_trial
+    from explore_bench.trial.scores import Score as Score
+    from explore_bench.trial.scores import score as score
+    from explore_bench.trial.seeding import stream as stream
+    from explore_bench.trial.spec import Status as Status
+    from explore_bench.trial.spec import TrialSpec as TrialSpec
+    from explore_bench.trial.steps import Step as Step
+    from explore_bench.world.kinds import World as World
+    from explore_bench.world.kinds import draw_world as draw_world
+    from explore_bench.world.landmark.scenario import PAPER as PAPER
+    from explore_bench.world.landmark.scenario import LandmarkScenario as LandmarkScenario
+    from explore_bench.world.landmark.world import LandmarkWorld as LandmarkWorld
+    from explore_bench.world.scenario import Scenario as Scenario
+    from explore_bench.world.scenarios import load_scenario as load_scenario
 
-_HOME = {
-    "Entry": "strategies.entry",
+PUBLIC: dict[str, str] = {
+    # what a strategy sees and answers
     "Observation": "strategies.contract",
-    "Reference": "strategies.contract",
-    "RequestError": "errors",
-    "Scenario": "world.scenario",
+    "Target": "strategies.contract",
     "Strategy": "strategies.contract",
+    "Reference": "strategies.contract",
+    "Reachable": "robot.planning.roads",
+    "Roads": "robot.planning.roads",
+    "Belief": "robot.belief",
+    "Prediction": "robot.belief",
+    # how it is registered, checked and claimed about
+    "Entry": "strategies.entry",
+    "Published": "strategies.entry",
+    "parse_factory": "strategies.entry",
+    "Claim": "analysis.claims",
+    "comparisons": "analysis.claims",
+    "check": "runs.conformance",
+    # what to compute with
+    "Array": "geometry",
+    "Pose": "geometry",
+    "Grid": "geometry",
+    "cell_of": "geometry",
+    "cells_of": "geometry",
+    "cells_within": "geometry",
+    "centre_of": "geometry",
+    "wrap_angle": "geometry",
+    "frontier_cells": "robot.planning.frontier",
+    "search_grid": "robot.planning.astar",
+    "trace_path": "robot.planning.astar",
+    "OCCUPIED_ABOVE": "robot.occupancy",
+    "shannon_entropy": "robot.occupancy",
+    "renyi_entropy": "robot.occupancy",
+    "jit": "compiled",
+    # worlds and trials
+    "Scenario": "world.scenario",
+    "LandmarkScenario": "world.landmark.scenario",
+    "PAPER": "world.landmark.scenario",
+    "load_scenario": "world.scenarios",
+    "World": "world.kinds",
+    "LandmarkWorld": "world.landmark.world",
+    "draw_world": "world.kinds",
+    "stream": "trial.seeding",
     "TrialSpec": "trial.spec",
-    "World": "world.landmark.world",
-    "load_scenario": "world.scenario_file",
+    "Status": "trial.spec",
+    "Step": "trial.steps",
     "rollout": "trial.rollout",
-    "run": "runs.runner",
     "run_trial": "trial.run",
+    "run": "runs.runner",
+    # learning
+    "Course": "trial.decision_process",
+    "DecisionProcess": "trial.decision_process",
+    "RewardWeights": "trial.reward",
+    "REWARD_WEIGHTS": "trial.reward",
+    "score": "trial.scores",
+    "Score": "trial.scores",
+    "CURVE_COLUMNS": "analysis.training_curve",
+    "CURVE_WINDOW": "analysis.training_curve",
+    "curve_path": "analysis.training_curve",
+    "scenario_digest": "records.provenance",
+    "installed_version": "records.provenance",
+    # errors
+    "RequestError": "errors",
+    "describe": "errors",
+    "unknown": "errors",
+    "writing": "errors",
 }
+"""Public name → module of this package that defines it."""
 
-__all__ = [
-    "Entry",
-    "Observation",
-    "Reference",
-    "RequestError",
-    "Scenario",
-    "Strategy",
-    "TrialSpec",
-    "World",
-    "load_scenario",
-    "rollout",
-    "run",
-    "run_trial",
-]
+__all__ = sorted(PUBLIC)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in PUBLIC:
         raise AttributeError(f"module 'explore_bench' has no attribute '{name}'")
-    return getattr(importlib.import_module(f"explore_bench.{_HOME[name]}"), name)
+    return getattr(importlib.import_module(f"explore_bench.{PUBLIC[name]}"), name)

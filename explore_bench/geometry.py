@@ -1,17 +1,18 @@
-"""SE(2) arithmetic, angles, and the step between cells and metres.
+"""SE(2) arithmetic, angles, and grids: the step between cells and metres.
 
-A pose is (x, y, heading) in metres and radians; a cell is the integer `row * n + column` of an n × n grid whose
-cell 0 lies at the origin, rows running along y.
+A pose is (x, y, heading) in metres and radians.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from explore_bench.compiled import jit
+from explore_bench.compiled import jit, jit_generator
 
 Array = NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -45,32 +46,122 @@ def between(origin: Pose, pose: Pose) -> Pose:
     return c * dx + s * dy, c * dy - s * dx, wrap_angle(pose[2] - origin[2])
 
 
-@jit
-def cell_of(x: float, y: float, cells: int, cell_size: float) -> int:
-    """Cell that holds the point (x, y) [m] on a grid of `cells` a side; points outside go to the nearest cell."""
-    column = min(max(int(math.floor(x / cell_size)), 0), cells - 1)
-    row = min(max(int(math.floor(y / cell_size)), 0), cells - 1)
-    return row * cells + column
+class Grid(NamedTuple):
+    """A grid of square cells: the one value by which cells and metres belong together, in compiled code as well.
+
+    A cell is the integer `row * columns + column`, rows running along y. A named tuple, so compiled functions take it.
+
+    Attributes
+    ----------
+    rows, columns : cells along y and along x.
+    resolution : edge of a cell [m].
+    x0, y0 : corner of cell 0 that no other cell shares: the grid's least x and y [m].
+    """
+
+    rows: int
+    columns: int
+    resolution: float
+    x0: float = 0.0
+    y0: float = 0.0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns), the shape of an array with an entry a cell."""
+        return self.rows, self.columns
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return self.rows * self.columns
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a point [m] lies on the grid."""
+        width, height = self.columns * self.resolution, self.rows * self.resolution
+        return bool(0.0 <= x - self.x0 <= width and 0.0 <= y - self.y0 <= height)
+
+    def cell_of(self, x: float, y: float) -> int:
+        """Cell that holds a point [m]; see `cell_of`."""
+        return cell_of(self, x, y)
+
+    def centre_of(self, cell: int) -> tuple[float, float]:
+        """Centre (x, y) [m] of a cell."""
+        return centre_of(self, cell)
+
+    def centres(self, cells: ArrayLike | None = None) -> Array:
+        """Centres [m] of many cells, shape (..., 2); of all where none are given, shape (rows · columns, 2)."""
+        index = np.arange(self.cells) if cells is None else np.asarray(cells)
+        x, y = (index % self.columns + 0.5) * self.resolution, (index // self.columns + 0.5) * self.resolution
+        return np.stack((self.x0 + x, self.y0 + y), axis=-1)
+
+    def in_reach(self, points: Array, reach: float) -> NDArray[np.bool_]:
+        """Whether each cell's centre lies within `reach` [m] of points, shape (K, 2); gives (K, rows · columns)."""
+        return in_reach(self, np.ascontiguousarray(points, dtype=np.float64), reach)
 
 
 @jit
-def centre_of(cell: int, cells: int, cell_size: float) -> tuple[float, float]:
+def place_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
+    """(column, row) of a point [m]; those of a point off the grid are off it, too."""
+    return int(math.floor((x - grid.x0) / grid.resolution)), int(math.floor((y - grid.y0) / grid.resolution))
+
+
+@jit
+def cell_of(grid: Grid, x: float, y: float) -> int:
+    """Cell that holds the point (x, y) [m]; points outside go to the nearest cell."""
+    column, row = place_of(grid, x, y)
+    return min(max(row, 0), grid.rows - 1) * grid.columns + min(max(column, 0), grid.columns - 1)
+
+
+@jit
+def cells_of(grid: Grid, points: Array) -> NDArray[np.int64]:
+    """Cell of each of the points [m], shape (K, 2) or more columns, of which the first two are taken; shape (K,)."""
+    cells = np.empty(points.shape[0], dtype=np.int64)
+    for i in range(points.shape[0]):
+        cells[i] = cell_of(grid, points[i, 0], points[i, 1])
+    return cells
+
+
+@jit
+def centre_of(grid: Grid, cell: int) -> tuple[float, float]:
     """Centre (x, y) [m] of a cell."""
-    return (cell % cells + 0.5) * cell_size, (cell // cells + 0.5) * cell_size
-
-
-def centres(indices: NDArray[np.integer], cells: int, cell_size: float) -> Array:
-    """Centres [m] of many cells, shape (..., 2)."""
-    index = np.asarray(indices)
-    return np.stack(((index % cells + 0.5) * cell_size, (index // cells + 0.5) * cell_size), axis=-1)
+    return (
+        grid.x0 + (cell % grid.columns + 0.5) * grid.resolution,
+        grid.y0 + (cell // grid.columns + 0.5) * grid.resolution,
+    )
 
 
 @jit
-def cells_in_reach(coordinate: float, reach: float, cells: int, cell_size: float) -> tuple[int, int]:
-    """First and last row (or column) whose centre can lie within `reach` of a coordinate [m]."""
-    first = math.ceil((coordinate - reach) / cell_size - 0.5)
-    last = math.floor((coordinate + reach) / cell_size - 0.5)
-    return max(int(first), 0), min(int(last), cells - 1)
+def _span(offset: float, reach: float, count: int, resolution: float) -> tuple[int, int]:
+    """First and last row (or column) whose centre can lie within `reach` of an offset from the grid's edge [m]."""
+    first = math.ceil((offset - reach) / resolution - 0.5)
+    last = math.floor((offset + reach) / resolution - 0.5)
+    return max(int(first), 0), min(int(last), count - 1)
+
+
+@jit_generator
+def cells_within(grid: Grid, x: float, y: float, reach: float) -> Iterator[tuple[int, float, float]]:
+    """Cells whose centre lies within `reach` of the point (x, y) [m], ascending, each with the way to its centre.
+
+    The only place that says what is in range: sensing, maps, features and predictions all ask here.
+    """
+    row0, row1 = _span(y - grid.y0, reach, grid.rows, grid.resolution)
+    column0, column1 = _span(x - grid.x0, reach, grid.columns, grid.resolution)
+    reach2 = reach * reach
+    for row in range(row0, row1 + 1):
+        dy = grid.y0 + (row + 0.5) * grid.resolution - y
+        for column in range(column0, column1 + 1):
+            dx = grid.x0 + (column + 0.5) * grid.resolution - x
+            if dx * dx + dy * dy <= reach2:
+                yield row * grid.columns + column, dx, dy
+
+
+@jit
+def in_reach(grid: Grid, points: Array, reach: float) -> NDArray[np.bool_]:
+    """Compiled part of `Grid.in_reach`."""
+    view = np.zeros((points.shape[0], grid.rows * grid.columns), dtype=np.bool_)
+    for k in range(points.shape[0]):
+        for cell, _, _ in cells_within(grid, points[k, 0], points[k, 1], reach):
+            view[k, cell] = True
+    return view
 
 
 @jit

@@ -13,16 +13,18 @@ from numpy.typing import NDArray
 
 from explore_bench.errors import RequestError, unknown
 from explore_bench.robot.belief import Belief
+from explore_bench.robot.planning.roads import Reachable, Roads
 from explore_bench.runs.suites import MAX_ROOT
-from explore_bench.strategies.contract import Observation
+from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.decision_process import Course, DecisionProcess
+from explore_bench.trial.explorer import ChoiceError
 from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, Features, candidate_limit, features
-from explore_bench.trial.reward import WEIGHTS, RewardWeights
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights
 from explore_bench.trial.snapshot import take_snapshot
 from explore_bench.trial.spec import Status
-from explore_bench.trial.steps import STEP_COLUMNS
+from explore_bench.trial.steps import step_columns
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.scenario_file import load_scenario
+from explore_bench.world.scenarios import load_scenario
 
 try:
     import gymnasium
@@ -72,7 +74,7 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
         size: float | None = None,
         scenario: str | Scenario = "paper",
         purpose: TrainingPurpose = "train",
-        weights: RewardWeights = WEIGHTS,
+        weights: RewardWeights = REWARD_WEIGHTS,
         render_mode: str | None = None,
     ) -> None:
         if purpose not in get_args(TrainingPurpose):
@@ -112,25 +114,40 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
         self._process, self._trial = _begin(self._course, self._trial + 1)
         return self._look(), self._info()
 
-    def step(self, action: np.int64 | int) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Drive to a candidate and on to the next decision.
+    def step(self, action: np.int64 | int | Target) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
+        """Drive to a candidate, or to a Target of one's own (`reachable` says where), and on to the next decision.
 
         Raises
         ------
-        InvalidAction : for what is not in the action space.
+        InvalidAction : for what is neither in the action space nor a target that can be reached.
         ResetNeeded : before the first episode and after the end of one.
         """
         process = self._running()
-        if not self.action_space.contains(action):
+        if not isinstance(action, Target) and not self.action_space.contains(action):
             raise InvalidAction(f"action {action!r} is not in {self.action_space}; give 0 to {self.width - 1}.")
         if process.observation is None or self._features is None:
             raise ResetNeeded("the episode has ended; call reset() to begin the next.")
         order = self._features.order
-        earned = process.decide(int(order[int(action) % len(order)]))
+        try:
+            earned = process.decide(action if isinstance(action, Target) else int(order[int(action) % len(order)]))
+        except ChoiceError as error:
+            raise InvalidAction(f"{error}.") from None
         seen, info = self._look(), self._info()
-        info["action_was_candidate"] = bool(action < len(order))
+        info["action_was_candidate"] = not isinstance(action, Target) and bool(action < len(order))
         status = process.ending.status if process.ending else None
         return seen, earned, status is Status.EXPLORED, status in (Status.STEP_LIMIT, Status.STUCK), info
+
+    def reachable(self) -> Reachable:
+        """Cells that can be reached now and the length of the drive to each [m]: where a Target may lie.
+
+        Raises
+        ------
+        ResetNeeded : before the first episode and after the end of one.
+        """
+        observation = self._running().observation
+        if observation is None:
+            raise ResetNeeded("the episode has ended; call reset() to begin the next.")
+        return observation.reachable
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are candidates now, shape (W,); none after the end of an episode.
@@ -158,7 +175,9 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
 
         observation = process.observation
         belief, cells = self._belief(), observation.candidates.tolist() if observation else None
-        columns = {name: np.array([getattr(row, name) for row in process.rows]) for name in STEP_COLUMNS}
+        columns = {
+            name: np.array([getattr(row, name) for row in process.rows]) for name in step_columns(self.scenario.kind)
+        }
         return scene_image(Scene(self.scenario, process.world, columns, take_snapshot(belief, cells)))
 
     def _running(self) -> DecisionProcess:
@@ -178,7 +197,7 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
         process = self._running()
         observation = process.observation
         if observation is None:
-            last = process.rows[-1]
+            last, grid = process.rows[-1], self.scenario.grid
             observation = Observation(
                 belief=self._belief(),
                 step=last.step,
@@ -187,6 +206,7 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
                 positions=np.empty((0, 2)),
                 paths=(),
                 path_lengths=np.empty(0),
+                roads=Roads(grid, np.zeros(grid.shape, dtype=bool), grid.cell_of(last.x, last.y)),
             )
         self._features = features(observation, self.width)
         return {"candidates": self._features.candidates, "state": self._features.state}

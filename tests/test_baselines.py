@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from explore_bench.robot.landmark.prediction import predict
 from handmade import TINY
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,7 +18,6 @@ from baselines.entropy import Entropy, in_view, information_gain
 from baselines.nearest import Nearest
 from baselines.random_walk import Random
 from baselines.uncertainty import WEIGHT, Uncertainty
-from explore_bench.robot.landmark.prediction import predict
 from explore_bench.strategies.contract import Observation
 from explore_bench.strategies.loading import load_factory, make_strategy
 from explore_bench.strategies.registry import strategies
@@ -25,8 +25,9 @@ from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import World, draw_world
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.scenario import Scenario
 
 READY = {name: entry for name, entry in strategies().items() if entry.ready}
 

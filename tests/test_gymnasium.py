@@ -13,9 +13,10 @@ from baselines.training.episodes import play
 from explore_bench.errors import RequestError
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.features import features
-from explore_bench.trial.reward import WEIGHTS, RewardWeights
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import draw_world
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.scenario import Scenario
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is missing: install the extra 'gym'")
 
@@ -149,7 +150,7 @@ def test_a_wrapper_of_time_can_shorten_an_episode():
 # The episodes are those of the training
 
 
-@pytest.mark.parametrize("weights", [WEIGHTS, RewardWeights(uncertainty=1.0, turning=2.0, length=3.0)])
+@pytest.mark.parametrize("weights", [REWARD_WEIGHTS, RewardWeights(uncertainty=1.0, turning=2.0, length=3.0)])
 @pytest.mark.parametrize("scenario", [TINY, SHORT])
 def test_rewards_steps_and_endings_are_those_of_training_episodes(scenario, weights):
     def nearest(waiting, observations):

@@ -1,7 +1,7 @@
 """What `graph-stnn-plus` sees of an observation: each candidate and the state, in numbers that matter for e and η.
 
 Beside what the exploration graph tells of a frontier this says how long the way there is, what it would reveal, how
-large the unknown region behind it is, and what the belief would become: `explore_bench.robot.landmark.prediction.predict` along the path.
+large the unknown region behind it is, and what the belief would become: `belief.predict` along the path.
 """
 
 from __future__ import annotations
@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.learned.graph import sum_in_range
-from explore_bench import Observation
-from explore_bench.compiled import jit
-from explore_bench.geometry import Array, cells_in_reach, wrap_angle
-from explore_bench.robot.landmark.prediction import predict
+from explore_bench import Array, Grid, Observation, cells_within, centre_of, jit, wrap_angle
 
 CANDIDATE_COLUMNS = (
     "length",  # of the path [10 m]
@@ -124,25 +121,24 @@ class CandidateBatch:
 def candidate_set(observation: Observation) -> CandidateSet:
     """Compute the features of an observation; a prediction along every path makes most of the cost."""
     belief, scenario = observation.belief, observation.scenario
-    n, cell_size, reach = scenario.cells, scenario.cell_size, scenario.sensor_range
+    grid, reach = scenario.grid, scenario.sensor_range
     x, y, heading = observation.pose
     target = math.ceil(scenario.coverage * scenario.cell_count - 1e-9)
     remaining = max(target - int(belief.known.sum()), 1)
     regions, sizes = _regions(belief.known)
-    peak = _peak(belief.pose_covariances)
     rows = np.empty((len(observation.candidates), len(CANDIDATE_COLUMNS)), dtype=np.float32)
     shortest = observation.path_lengths.min()
     apart = np.hypot(*(observation.positions[:, None] - observation.positions).transpose(2, 0, 1))
     np.fill_diagonal(apart, 20.0)
-    around = sum_in_range((~belief.known).astype(float), observation.positions, cell_size, 2.0 * reach)
+    around = sum_in_range((~belief.known).astype(float).reshape(-1), observation.positions, grid, 2.0 * reach)
     for i, path in enumerate(observation.paths):
-        prediction = predict(belief, path)
+        prediction = belief.predict(path)
         steps = max(len(prediction.poses), 1)
-        revealed, at_end, region, closed, pocket = _revealed(path, belief.known, regions, sizes, cell_size, reach)
+        revealed, at_end, region, closed, pocket = _revealed(path, belief.known, regions, sizes, grid, reach)
         first = path[1] if len(path) > 1 else path[0]
-        angle = math.atan2((first // n + 0.5) * cell_size - y, (first % n + 0.5) * cell_size - x)
+        first_x, first_y = centre_of(grid, first)
+        angle = math.atan2(first_y - y, first_x - x)
         px, py = observation.positions[i]
-        covariances = prediction.pose_covariances
         reduction = belief.uncertainty - prediction.uncertainty
         rows[i] = (
             observation.path_lengths[i] / 10.0,
@@ -161,8 +157,8 @@ def candidate_set(observation: Observation) -> CandidateSet:
             min(px, py, scenario.size - px, scenario.size - py) / 10.0,
             reduction / 10.0,
             reduction / steps,
-            math.sqrt(np.trace(covariances[-1])),
-            0.5 * math.log(_peak(covariances) / peak),
+            math.sqrt(np.trace(prediction.pose_covariances[-1])),
+            0.5 * math.log(prediction.peak_trace / belief.peak_trace),
             math.log1p(prediction.sightings),
         )
     own = float(np.trace(belief.pose_covariances[-1]))
@@ -171,32 +167,31 @@ def candidate_set(observation: Observation) -> CandidateSet:
         min(remaining / 10.0, 10.0),
         belief.uncertainty / scenario.prior_uncertainty,
         math.sqrt(own),
-        0.5 * math.log(peak),
-        0.5 * math.log(peak / own),
+        0.5 * math.log(belief.peak_trace),
+        0.5 * math.log(belief.peak_trace / own),
         100.0 * len(belief.landmarks) / scenario.cell_count,
         observation.step / scenario.cell_count,
         len(rows) / 10.0,
     )
-    blocks, middles = _blocks(belief.known, cell_size, x, y)
+    blocks, middles = _blocks(belief.known, grid, x, y)
     places = np.concatenate((observation.positions, middles)) / 10.0
     return CandidateSet(rows, blocks, places.astype(np.float32), np.array(state, dtype=np.float32))
 
 
 @jit
-def _blocks(known: NDArray[np.bool_], cell_size: float, x: float, y: float) -> tuple[NDArray[np.float32], Array]:
+def _blocks(known: NDArray[np.bool_], grid: Grid, x: float, y: float) -> tuple[NDArray[np.float32], Array]:
     """Features and middles [m] of the blocks that hold unknown cells; (x, y) is the robot's place."""
-    n = known.shape[0]
-    side = (n + BLOCK - 1) // BLOCK
-    features = np.empty((side * side, 3), dtype=np.float32)
-    middles = np.empty((side * side, 2))
+    down, across = (grid.rows + BLOCK - 1) // BLOCK, (grid.columns + BLOCK - 1) // BLOCK
+    features = np.empty((down * across, 3), dtype=np.float32)
+    middles = np.empty((down * across, 2))
     count = 0
-    for row in range(0, n, BLOCK):
-        for column in range(0, n, BLOCK):
+    for row in range(0, grid.rows, BLOCK):
+        for column in range(0, grid.columns, BLOCK):
             part = known[row : row + BLOCK, column : column + BLOCK]
             unknown = part.size - part.sum()
             if unknown > 0:
-                middle_x = (column + 0.5 * part.shape[1]) * cell_size
-                middle_y = (row + 0.5 * part.shape[0]) * cell_size
+                middle_x = grid.x0 + (column + 0.5 * part.shape[1]) * grid.resolution
+                middle_y = grid.y0 + (row + 0.5 * part.shape[0]) * grid.resolution
                 features[count, 0] = unknown / part.size
                 features[count, 1] = part.size / 16.0
                 features[count, 2] = math.hypot(middle_x - x, middle_y - y) / 10.0
@@ -206,24 +201,15 @@ def _blocks(known: NDArray[np.bool_], cell_size: float, x: float, y: float) -> t
 
 
 @jit
-def _peak(covariances: Array) -> float:
-    """Largest trace of the trajectory's covariances."""
-    best = 0.0
-    for i in range(covariances.shape[0]):
-        best = max(best, covariances[i, 0, 0] + covariances[i, 1, 1] + covariances[i, 2, 2])
-    return best
-
-
-@jit
 def _regions(known: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Label of the 8-connected unknown region of every cell, shape (n²,), −1 where known, and their sizes."""
-    n = known.shape[0]
-    labels = np.full(n * n, -1, dtype=np.int64)
-    sizes = np.zeros(n * n, dtype=np.int64)
-    stack = np.empty(n * n, dtype=np.int64)
+    """Label of the 8-connected unknown region of every cell, shape (n_g,), −1 where known, and their sizes."""
+    rows, columns = known.shape
+    labels = np.full(rows * columns, -1, dtype=np.int64)
+    sizes = np.zeros(rows * columns, dtype=np.int64)
+    stack = np.empty(rows * columns, dtype=np.int64)
     count = 0
-    for start in range(n * n):
-        if known[start // n, start % n] or labels[start] >= 0:
+    for start in range(rows * columns):
+        if known[start // columns, start % columns] or labels[start] >= 0:
             continue
         labels[start] = count
         stack[0], height = start, 1
@@ -231,9 +217,9 @@ def _regions(known: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.in
             height -= 1
             cell = stack[height]
             sizes[count] += 1
-            for row in range(max(cell // n - 1, 0), min(cell // n + 2, n)):
-                for column in range(max(cell % n - 1, 0), min(cell % n + 2, n)):
-                    to = row * n + column
+            for row in range(max(cell // columns - 1, 0), min(cell // columns + 2, rows)):
+                for column in range(max(cell % columns - 1, 0), min(cell % columns + 2, columns)):
+                    to = row * columns + column
                     if labels[to] < 0 and not known[row, column]:
                         labels[to] = count
                         stack[height] = to
@@ -248,30 +234,25 @@ def _revealed(
     known: NDArray[np.bool_],
     regions: NDArray[np.int64],
     sizes: NDArray[np.int64],
-    cell_size: float,
+    grid: Grid,
     reach: float,
 ) -> tuple[int, int, int, float, float]:
     """Unknown cells within range of a path and of its end; of their regions the size, share revealed, and pockets."""
-    n = known.shape[0]
-    mark = np.zeros(n * n, dtype=np.bool_)
+    unknown = ~known.reshape(-1)
+    mark = np.zeros(unknown.size, dtype=np.bool_)
     taken = np.zeros(sizes.shape[0], dtype=np.int64)
     revealed, at_end = 0, 0
     for k in range(path.shape[0]):
-        x, y = (path[k] % n + 0.5) * cell_size, (path[k] // n + 0.5) * cell_size
-        row0, row1 = cells_in_reach(y, reach, n, cell_size)
-        column0, column1 = cells_in_reach(x, reach, n, cell_size)
-        for row in range(row0, row1 + 1):
-            for column in range(column0, column1 + 1):
-                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
-                cell = row * n + column
-                if known[row, column] or dx * dx + dy * dy > reach * reach:
-                    continue
-                if k == path.shape[0] - 1:
-                    at_end += 1
-                if not mark[cell]:
-                    mark[cell] = True
-                    revealed += 1
-                    taken[regions[cell]] += 1
+        x, y = centre_of(grid, path[k])
+        for cell, _, _ in cells_within(grid, x, y, reach):
+            if not unknown[cell]:
+                continue
+            if k == path.shape[0] - 1:
+                at_end += 1
+            if not mark[cell]:
+                mark[cell] = True
+                revealed += 1
+                taken[regions[cell]] += 1
     region, pocket = 0, 0.0
     for label in range(sizes.shape[0]):
         if taken[label] > 0:

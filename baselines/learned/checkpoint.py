@@ -15,7 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from explore_bench.errors import RequestError, writing
+from explore_bench import RequestError, writing
 
 FORMAT = 1
 

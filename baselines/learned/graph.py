@@ -12,11 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench import Observation
-from explore_bench.compiled import jit
-from explore_bench.errors import unknown
-from explore_bench.geometry import Array, cell_of, cells_in_reach, centres
-from explore_bench.robot.occupancy import OCCUPIED_ABOVE, renyi_entropy, shannon_entropy
+from explore_bench import (
+    OCCUPIED_ABOVE,
+    Array,
+    Grid,
+    Observation,
+    cell_of,
+    cells_of,
+    cells_within,
+    jit,
+    renyi_entropy,
+    shannon_entropy,
+    unknown,
+)
 
 FRONTIER, LANDMARK, CURRENT, TRAJECTORY, OBSTACLE = 2, 1, 0, -1, -2
 """Flags ϕ of Table 1."""
@@ -96,46 +104,37 @@ def exploration_graph(
         if name not in FEATURES:
             raise unknown("feature column", name, FEATURES)
         features[:, i] = FEATURES[name].values(nodes) / FEATURES[name].scale
-    n, cell_size = observation.scenario.cells, observation.scenario.cell_size
-    adjacency = _edges(observation.belief.poses, nodes.positions, nodes.flags, n, cell_size, weighted)
+    adjacency = _edges(observation.belief.poses, nodes.positions, nodes.flags, observation.scenario.grid, weighted)
     return ExplorationGraph(features, adjacency, len(nodes.poses), len(observation.candidates))
 
 
 def _nodes(observation: Observation, obstacles: bool) -> Nodes:
-    belief, scenario = observation.belief, observation.scenario
-    n, cell_size = scenario.cells, scenario.cell_size
-    poses = _latest_visits(belief.poses, n, cell_size)
+    belief, grid = observation.belief, observation.scenario.grid
+    poses = _latest_visits(belief.poses, grid)
     blocks = np.empty(0, dtype=np.int64)
     if obstacles:
         blocks = np.flatnonzero(belief.known & (belief.occupancy > OCCUPIED_ABOVE))
     groups = (
         (TRAJECTORY, belief.poses[poses, :2]),
         (LANDMARK, belief.landmarks),
-        (OBSTACLE, centres(blocks, n, cell_size)),
+        (OBSTACLE, grid.centres(blocks)),
         (FRONTIER, observation.positions),
     )
     flags = np.concatenate([np.full(len(places), flag) for flag, places in groups])
     flags[len(poses) - 1] = CURRENT
     positions = np.concatenate([places for _, places in groups])
-    return Nodes(observation, positions, flags, _cells_of(positions, n, cell_size), poses)
+    return Nodes(observation, positions, flags, cells_of(grid, positions), poses)
 
 
 @jit
-def _cells_of(positions: Array, n: int, cell_size: float) -> NDArray[np.int64]:
-    cells = np.empty(positions.shape[0], dtype=np.int64)
-    for i in range(positions.shape[0]):
-        cells[i] = cell_of(positions[i, 0], positions[i, 1], n, cell_size)
-    return cells
-
-
-@jit
-def _latest_visits(poses: Array, n: int, cell_size: float) -> NDArray[np.int64]:
+def _latest_visits(poses: Array, grid: Grid) -> NDArray[np.int64]:
     """Rows of the last pose in every visited cell, ascending."""
-    visited = np.zeros(n * n, dtype=np.bool_)
-    rows = np.empty(min(poses.shape[0], n * n), dtype=np.int64)
+    cells = grid.rows * grid.columns
+    visited = np.zeros(cells, dtype=np.bool_)
+    rows = np.empty(min(poses.shape[0], cells), dtype=np.int64)
     count = 0
     for i in range(poses.shape[0] - 1, -1, -1):
-        cell = cell_of(poses[i, 0], poses[i, 1], n, cell_size)
+        cell = cell_of(grid, poses[i, 0], poses[i, 1])
         if not visited[cell]:
             visited[cell] = True
             rows[count] = i
@@ -144,25 +143,23 @@ def _latest_visits(poses: Array, n: int, cell_size: float) -> NDArray[np.int64]:
 
 
 @jit
-def _edges(
-    poses: Array, positions: Array, flags: NDArray[np.int64], n: int, cell_size: float, weighted: bool
-) -> NDArray[np.float32]:
+def _edges(poses: Array, positions: Array, flags: NDArray[np.int64], grid: Grid, weighted: bool) -> NDArray[np.float32]:
     """Adjacency of nodes at these positions, shape (N, N); `poses` is the whole trajectory."""
     count = flags.shape[0]
     adjacency = np.zeros((count, count), dtype=np.float32)
-    node_of = np.full(n * n, -1, dtype=np.int64)
+    node_of = np.full(grid.rows * grid.columns, -1, dtype=np.int64)
     current, first_landmark, last_landmark = 0, 0, 0
     for i in range(count):
         if flags[i] == TRAJECTORY or flags[i] == CURRENT:
-            node_of[cell_of(positions[i, 0], positions[i, 1], n, cell_size)] = i
+            node_of[cell_of(grid, positions[i, 0], positions[i, 1])] = i
             current = i
             first_landmark = i + 1
             last_landmark = i + 1
         elif flags[i] == LANDMARK:
             last_landmark = i + 1
-    previous = cell_of(poses[0, 0], poses[0, 1], n, cell_size)
+    previous = cell_of(grid, poses[0, 0], poses[0, 1])
     for i in range(1, poses.shape[0]):
-        cell = cell_of(poses[i, 0], poses[i, 1], n, cell_size)
+        cell = cell_of(grid, poses[i, 0], poses[i, 1])
         if cell != previous:
             _join(adjacency, positions, node_of[previous], node_of[cell], weighted)
         previous = cell
@@ -232,24 +229,17 @@ def _bearings(nodes: Nodes) -> Array:
 
 def _shannon_in_range(nodes: Nodes) -> Array:
     scenario = nodes.observation.scenario
-    entropies = shannon_entropy(nodes.observation.belief.occupancy)
-    return sum_in_range(entropies, nodes.positions, scenario.cell_size, scenario.sensor_range)
+    entropies = shannon_entropy(nodes.observation.belief.occupancy).reshape(-1)
+    return sum_in_range(entropies, nodes.positions, scenario.grid, scenario.sensor_range)
 
 
 @jit
-def sum_in_range(values: Array, positions: Array, cell_size: float, reach: float) -> Array:
-    """Sum of a grid's values, shape (n, n), over the cells whose centre lies within reach of each position."""
-    n = values.shape[0]
+def sum_in_range(values: Array, positions: Array, grid: Grid, reach: float) -> Array:
+    """Sum of the cells' values, shape (n_g,), over those whose centre lies within reach of each position."""
     sums = np.zeros(positions.shape[0])
     for i in range(positions.shape[0]):
-        x, y = positions[i, 0], positions[i, 1]
-        row0, row1 = cells_in_reach(y, reach, n, cell_size)
-        column0, column1 = cells_in_reach(x, reach, n, cell_size)
-        for row in range(row0, row1 + 1):
-            for column in range(column0, column1 + 1):
-                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
-                if dx * dx + dy * dy <= reach * reach:
-                    sums[i] += values[row, column]
+        for cell, _, _ in cells_within(grid, positions[i, 0], positions[i, 1], reach):
+            sums[i] += values[cell]
     return sums
 
 

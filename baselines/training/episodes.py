@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from explore_bench import Observation, Scenario
-from explore_bench.trial.decision_process import Course, DecisionProcess
-from explore_bench.trial.spec import Status
-from explore_bench.trial.steps import Step
+from explore_bench import Course, DecisionProcess, Observation, Scenario, Status, Step, score
 
 Act = Callable[[list[int], list[Observation]], Sequence[int]]
 """Told which episodes wait for a decision and what they see, it answers with a choice for each."""
@@ -35,12 +31,8 @@ class Episode:
     def score(self, scenario: Scenario) -> tuple[float, float, float]:
         """T, η (Eq. 2) and e (Eq. 3), by the benchmark's rule for an episode that did not explore its map."""
         assert self.last is not None
-        taken, peak = self.last.step, self.last.peak_trace
-        if self.status is not Status.EXPLORED:
-            taken, peak = scenario.step_limit, max(peak, 2.0 * scenario.virtual_sigma**2)
-        taken = max(taken, 1)
-        efficiency = (scenario.prior_uncertainty - self.last.uncertainty) / taken
-        return float(taken), efficiency, taken / scenario.cell_count * math.sqrt(peak)
+        final = score(self.status, max(self.last.step, 1), self.last.uncertainty, self.last.peak_trace, scenario)
+        return float(final.time), final.exploration_efficiency, final.trajectory_error
 
     @property
     def steps(self) -> int:

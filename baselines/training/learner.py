@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.training.episodes import Episode
-from explore_bench.trial.decision_process import Course
+from explore_bench import Course
 
 
 class Learner(Protocol):

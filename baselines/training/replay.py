@@ -16,8 +16,7 @@ from torch import Tensor
 from baselines.learned.graph import ExplorationGraph
 from baselines.training.episodes import Episode, play
 from baselines.training.learner import descend, optimizer_tensors, part, restore_optimizer, set_rate, with_prefix
-from explore_bench import Observation
-from explore_bench.trial.decision_process import Course
+from explore_bench import Course, Observation
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from torch import Tensor
 from baselines.learned.policy import evaluate
 from baselines.training.episodes import Episode, play
 from baselines.training.learner import OneNetwork, descend, set_rate
-from explore_bench import Observation
-from explore_bench.trial.decision_process import Course
+from explore_bench import Course, Observation
 
 
 @dataclass(frozen=True)

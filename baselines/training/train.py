@@ -24,16 +24,26 @@ from baselines.training.learner import DivergedError, Learner
 from baselines.training.policy_gradient import PolicyGradientLearner, PolicyGradientSettings
 from baselines.training.replay import ReplayLearner, ReplaySettings
 from baselines.training.returns import ReturnsLearner, ReturnsSettings
-from explore_bench import Entry, Observation, RequestError
-from explore_bench.analysis.training_curve import CURVE_COLUMNS, WINDOW, curve_path
-from explore_bench.errors import describe as describe_error
-from explore_bench.errors import writing
-from explore_bench.records.provenance import installed_version, scenario_digest
-from explore_bench.strategies.entry import parse_factory
-from explore_bench.trial.decision_process import Course
-from explore_bench.trial.reward import WEIGHTS, RewardWeights
-from explore_bench.trial.seeding import stream
-from explore_bench.world.scenario import PAPER
+from explore_bench import (
+    CURVE_COLUMNS,
+    CURVE_WINDOW,
+    PAPER,
+    REWARD_WEIGHTS,
+    Course,
+    Entry,
+    Observation,
+    RequestError,
+    RewardWeights,
+    curve_path,
+    installed_version,
+    parse_factory,
+    scenario_digest,
+    stream,
+    writing,
+)
+from explore_bench import (
+    describe as describe_error,
+)
 
 VALIDATION_WORLDS = 64
 VALIDATE_EVERY = 500
@@ -63,7 +73,7 @@ class Recipe:
     learner: type[Learner]
     settings: ReturnsSettings | ReplaySettings | PolicyGradientSettings
     episodes: int
-    reward: RewardWeights = WEIGHTS
+    reward: RewardWeights = REWARD_WEIGHTS
     scales: tuple[float, ...] = (1.0,)
 
 
@@ -84,7 +94,7 @@ class Log:
     Attributes
     ----------
     episodes, decisions, steps, seconds : done so far.
-    curve : rows of CURVE_COLUMNS, one for every WINDOW steps.
+    curve : rows of CURVE_COLUMNS, one for every CURVE_WINDOW steps.
     pending : sums of the row that is not full yet.
     validations : VALIDATION_COLUMNS of each validation.
     resumed : after how many episodes it went on from a checkpoint.
@@ -111,7 +121,7 @@ class Log:
             shown = (1, len(episode.rewards), sum(episode.rewards), *episode.score(own)) if counts else (0,) * 6
             values = (episode.steps, *shown, loss if learned else 0.0, learned)
             self.pending = [a + b for a, b in zip(self.pending, values, strict=True)]
-        if self.pending[0] >= WINDOW and self.pending[1]:
+        if self.pending[0] >= CURVE_WINDOW and self.pending[1]:
             self.curve.append(self.row())
             self.pending = [0.0] * 9
 

@@ -27,7 +27,8 @@ from explore_bench.records.store import Store, missing
 from explore_bench.runs.runner import default_workers, execute
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import strategies
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenario import Scenario
 
 STRATEGIES = ("random", "entropy", "uncertainty")
 PARAMETERS = {"uncertainty": {"weight": 0.0}}  # its weight is tuned afterwards, on the physics found here

@@ -16,8 +16,8 @@ from explore_bench.analysis.statistics import mean_interval
 from explore_bench.robot.virtual_map import VirtualMap
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.seeding import stream
-from explore_bench.world.landmark.world import draw_world
-from explore_bench.world.scenario import PAPER
+from explore_bench.world.kinds import draw_world
+from explore_bench.world.landmark.scenario import PAPER
 
 WORLDS = 20
 

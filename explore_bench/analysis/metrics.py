@@ -1,7 +1,6 @@
 """The metrics: pure functions of a trial's rows, each with its symbol, unit, direction and equation.
 
-A trial that did not explore is scored with T = n_a = the step limit, its last U (U₀ where it has none) and the
-larger of its last max trace and 2 σ₀², in tables and curves alike: stopping early or crashing never pays.
+How a trial that did not explore is scored, in tables and curves alike, `trial.scores` says.
 """
 
 from __future__ import annotations
@@ -13,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from explore_bench.trial import scores
+from explore_bench.trial.scores import Score
 from explore_bench.trial.spec import Status
 
 if TYPE_CHECKING:
@@ -40,15 +41,6 @@ class Metric:
     value: Callable[[Any], float]
 
 
-@dataclass(frozen=True)
-class Score:
-    """What Eq. 2 and 3 need of a trial: time T, uncertainty U_T [m²] and max trace [m² + rad²]."""
-
-    time: int
-    uncertainty: float
-    peak_trace: float
-
-
 def finished(record: TrialRecord) -> bool:
     """Whether a trial explored its map."""
     return record.status == Status.EXPLORED.value
@@ -61,30 +53,26 @@ def broken_off(record: TrialRecord) -> bool:
 
 def score(record: TrialRecord) -> Score:
     """Score of a trial, by the rule for trials that did not explore where it did not."""
-    scenario, steps = record.spec.scenario, record.steps
-    has_rows = len(steps["step"]) > 0
-    uncertainty = float(steps["uncertainty"][-1]) if has_rows else scenario.prior_uncertainty
-    peak = float(steps["peak_trace"][-1]) if has_rows else 0.0
-    if finished(record):
-        return Score(int(steps["step"][-1]), uncertainty, peak)
-    return Score(scenario.step_limit, uncertainty, max(peak, 2.0 * scenario.virtual_sigma**2))
+    steps = record.steps
+    if not len(steps["step"]):
+        return scores.score(record.status, 0, None, 0.0, record.spec.scenario)
+    last = int(steps["step"][-1]), float(steps["uncertainty"][-1]), float(steps["peak_trace"][-1])
+    return scores.score(record.status, *last, record.spec.scenario)
 
 
 def trajectory_error(record: TrialRecord) -> float:
     """Eq. 3: e = n_a / n_g · √(max tr Σ)."""
-    final = score(record)
-    return final.time / record.spec.scenario.cell_count * math.sqrt(final.peak_trace)
+    return score(record).trajectory_error
 
 
 def exploration_efficiency(record: TrialRecord) -> float:
     """Eq. 2: η = (U₀ − U_T) / T; a trial that explored without a step has none (NaN)."""
-    final = score(record)
-    return uncertainty_reduction(record) / final.time if final.time else math.nan
+    return score(record).exploration_efficiency
 
 
 def uncertainty_reduction(record: TrialRecord) -> float:
     """ΔU = U₀ − U_T, with U of Eq. 1."""
-    return record.spec.scenario.prior_uncertainty - score(record).uncertainty
+    return score(record).uncertainty_reduction
 
 
 def explored(record: TrialRecord) -> float:
@@ -197,7 +185,7 @@ def curve(record: TrialRecord, name: str, length: int) -> Array:
     if name == "explored":
         values, end = steps["explored"], explored(record)
     elif name == "trajectory_error":
-        values = step / scenario.cell_count * np.sqrt(steps["peak_trace"])
+        values = scores.trajectory_error(step, steps["peak_trace"], scenario)
         end = trajectory_error(record)
     elif name == "exploration_efficiency":
         with np.errstate(divide="ignore", invalid="ignore"):

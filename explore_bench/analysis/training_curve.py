@@ -12,7 +12,7 @@ from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.metrics import Metric
 from explore_bench.strategies.entry import Entry, weights_file
 
-WINDOW = 10_000
+CURVE_WINDOW = 10_000
 """Simulated steps over which a row averages, as the paper's curves do (§4.2)."""
 
 EARLY = 200_000
@@ -55,7 +55,7 @@ def on_one_axis(curves: list[pd.DataFrame], column: str) -> tuple[np.ndarray, np
     Steps, shape (K,), up to where the shortest curve ends, and values, shape (seeds, K).
     """
     end = min(float(curve["steps"].iloc[-1]) for curve in curves)
-    steps = np.linspace(0.0, end, max(math.ceil(end / WINDOW), 2))[1:]
+    steps = np.linspace(0.0, end, max(math.ceil(end / CURVE_WINDOW), 2))[1:]
     values = [np.interp(steps, curve["steps"], curve[column]) for curve in curves]
     return steps, np.array(values)
 

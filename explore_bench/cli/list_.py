@@ -27,7 +27,7 @@ def list_(what: str) -> None:
             rows.append((name, entry.label, ", ".join(entry.tables), state, count))
             notes += [f"{name}: {note}"] if note else []
     elif what == "scenarios":
-        from explore_bench.world.scenario import SCENARIOS
+        from explore_bench.world.scenarios import SCENARIOS
 
         rows = [("name", "description"), *((name, text) for name, (_, text) in SCENARIOS.items())]
     elif what == "suites":

@@ -23,8 +23,8 @@ from explore_bench.records.provenance import spec_values
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.snapshot import REPLAY_COLUMNS
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, STEP_COLUMNS, Column
-from explore_bench.world.landmark.world import World
+from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, Column, step_columns
+from explore_bench.world.kinds import World, kind_of
 from explore_bench.world.scenario import Scenario
 
 METADATA_KEY = b"explore_bench"
@@ -38,7 +38,7 @@ class TrialRecord:
     ----------
     status, reason : how it ended, and why where that says not all.
     spec : what defined it.
-    steps : columns of STEP_COLUMNS by name, each of shape (T + 1,); empty where the trial failed at once.
+    steps : columns of the rows by name, each of shape (T + 1,); empty where the trial failed at once.
     final : columns of FINAL_COLUMNS likewise.
     world : the true map.
     transient : whether it failed for want of time, memory or disk: such a trial runs again.
@@ -61,6 +61,7 @@ class Replay:
     ----------
     steps : row of each, shape (D + 1,).
     candidates, choices : cells to choose from and the index chosen; None at the end.
+    targets : place [m] that was answered instead of an index; None elsewhere.
     maps, ellipses : packed; see `steps.unpack_map` and `steps.unpack_ellipses`.
     landmarks : x, y, xx, xy, yy of each landmark seen, shape (M, 5).
     """
@@ -68,6 +69,7 @@ class Replay:
     steps: list[int]
     candidates: list[list[int] | None]
     choices: list[int | None]
+    targets: list[tuple[float, float] | None]
     maps: list[bytes]
     ellipses: list[bytes]
     landmarks: list[np.ndarray]
@@ -101,7 +103,8 @@ def _encoded(table: pa.Table) -> bytes:
 
 def _table(result: TrialResult) -> pa.Table:
     rows = len(result.steps)
-    columns: dict[str, Any] = {name: [getattr(step, name) for step in result.steps] for name in STEP_COLUMNS}
+    kind = result.spec.scenario.kind
+    columns: dict[str, Any] = {name: [getattr(step, name) for step in result.steps] for name in step_columns(kind)}
     final = np.full((rows, 6), np.nan)
     final[: len(result.final_poses)] = np.hstack((result.final_poses, result.final_covariances))
     columns |= {name: final[:, i] for i, name in enumerate(FINAL_COLUMNS)}
@@ -114,25 +117,20 @@ def _table(result: TrialResult) -> pa.Table:
         "status": result.status.value,
         "reason": result.reason,
         "transient": result.transient,
-        "world": {
-            "obstacles": np.flatnonzero(result.world.obstacles).tolist(),
-            "landmarks": result.world.landmarks.tolist(),
-            "start": list(result.world.start),
-            "uncounted": result.world.uncounted.tolist(),
-        },
+        "world": result.world.facts(),
     }
-    schema = _schema().with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
+    schema = _schema(kind).with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
     return pa.table({name: pa.array(columns[name], schema.field(name).type) for name in schema.names}, schema)
 
 
 @cache
-def _schema() -> pa.Schema:
+def _schema(kind: str) -> pa.Schema:
     def arrow(column: Column) -> pa.DataType:
         if column.dtype.startswith("list<"):
             return pa.list_(pa.type_for_alias(column.dtype[5:-1]))
         return pa.type_for_alias(column.dtype)
 
-    columns = STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS
+    columns = step_columns(kind) | FINAL_COLUMNS | REPLAY_COLUMNS
     return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
 
 
@@ -146,6 +144,12 @@ def opened(path: Path) -> Iterator[pq.ParquetFile]:
         raise RequestError(f"'{path}' is no readable record; delete it and run again.") from None
 
 
+def version_words(version: object) -> str:
+    """Words for records of another version than those that are written now."""
+    older = "an older " if isinstance(version, int) and version < SCHEMA_VERSION else "another "
+    return f"{older}record version, {version}, not {SCHEMA_VERSION}"
+
+
 def facts_of(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
     """Metadata of a shard: the specification of its trial, its ending and its world."""
     metadata = shard.schema_arrow.metadata or {}
@@ -153,34 +157,23 @@ def facts_of(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
         raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
     facts: dict[str, Any] = json.loads(metadata[METADATA_KEY])
     if facts.get("schema") != SCHEMA_VERSION:
-        raise RequestError(
-            f"'{path}' is of record version {facts.get('schema')}, not {SCHEMA_VERSION}; give another folder with "
-            "--results."
-        )
+        raise RequestError(f"'{path}' is of {version_words(facts.get('schema'))}; give another folder with --results.")
     return facts
 
 
 def record_of(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
     """Record of an open shard, whose metadata are `facts`."""
-    columns = shard.read([*STEP_COLUMNS, *FINAL_COLUMNS], use_threads=False)
+    spec = spec_from(facts["spec"])
+    own = step_columns(spec.scenario.kind)
+    columns = shard.read([*own, *FINAL_COLUMNS], use_threads=False)
     arrays = {name: columns[name].to_numpy() for name in columns.column_names}
-    world, scenario = facts["world"], facts["spec"]["scenario"]
-    cells = int(scenario["size"] / scenario["cell_size"] + 0.5)
-    obstacles = np.zeros(cells * cells, dtype=bool)
-    obstacles[world["obstacles"]] = True
     return TrialRecord(
-        spec=spec_from(facts["spec"]),
+        spec=spec,
         status=facts["status"],
         reason=facts["reason"],
-        steps={name: arrays[name] for name in STEP_COLUMNS},
+        steps={name: arrays[name] for name in own},
         final={name: arrays[name] for name in FINAL_COLUMNS},
-        world=World(
-            obstacles.reshape(cells, cells),
-            np.array(world["landmarks"], dtype=float).reshape(-1, 2),
-            (world["start"][0], world["start"][1], world["start"][2]),
-            scenario["cell_size"],
-            np.array(world["uncounted"], dtype=np.int64),
-        ),
+        world=kind_of(spec.scenario.kind).load("world").from_facts(facts["world"], spec.scenario),
         transient=facts["transient"],
     )
 
@@ -211,6 +204,7 @@ def read_replay(path: Path) -> Replay:
         steps=[row["step"] for row in rows],
         candidates=[row["candidates"] for row in rows],
         choices=[row["choice"] for row in rows],
+        targets=[row["target"] and (row["target"][0], row["target"][1]) for row in rows],
         maps=[row["map"] for row in rows],
         ellipses=[row["ellipses"] for row in rows],
         landmarks=[np.array(row["landmark_estimates"], dtype=float).reshape(-1, 5) for row in rows],

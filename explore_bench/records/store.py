@@ -18,14 +18,18 @@ from explore_bench.records.shard import (
     encode,
     facts_of,
     opened,
+    read_record,
     read_replay,
     record_of,
     spec_from,
+    version_words,
 )
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import SCHEMA_VERSION
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.kinds import DEFAULT_KIND
+from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenario import Scenario
 
 PROTOCOL_FILE = "protocol.json"
 ABANDONED_SECONDS = 3600.0
@@ -96,8 +100,7 @@ class Store:
             raise damaged from None
         if version != SCHEMA_VERSION:
             raise RequestError(
-                f"results folder '{self.folder}' holds trials of record version {version}, not {SCHEMA_VERSION}; "
-                "give another with --results."
+                f"results folder '{self.folder}' holds trials of {version_words(version)}; give another with --results."
             )
         if not _PROTOCOL.keys() <= protocol.keys():
             raise damaged
@@ -171,14 +174,17 @@ def _is_current(values: dict[str, Any], key: str) -> bool:
 
 
 def _name(scenario: Scenario | None) -> str:
-    """Constants that differ from the paper's, the size aside; "any" for None."""
+    """Constants that differ from those of their kind of world, the size aside; "any" for None."""
     if scenario is None:
         return "any"
+    fields = type(scenario).model_fields
     differs = {
-        key: value for key, value in scenario.model_dump(exclude={"size"}).items() if value != getattr(PAPER, key)
+        name: value for name, value in scenario.model_dump(exclude={"size"}).items() if value != fields[name].default
     }
+    if scenario.kind != DEFAULT_KIND:
+        differs = {"kind": scenario.kind} | differs
     if scenario.map is not None:
-        differs["map"] = scenario_digest(Scenario(map=scenario.map))
+        differs["map"] = scenario_digest(Scenario(kind=scenario.kind, map=scenario.map))
     return ", ".join(f"{key}={value}" for key, value in differs.items()) or "paper"
 
 

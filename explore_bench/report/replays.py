@@ -35,7 +35,7 @@ AXIS_LEVELS, ANGLE_LEVELS = 50, 32
 """Levels of an ellipse's half axes (of σ₀) and angle (of π)."""
 
 SCALES: dict[str, float] = {
-    **dict.fromkeys(("x", "y", "true_x", "true_y", "landmark_x", "landmark_y"), 0.01),  # m
+    **dict.fromkeys(("x", "y", "true_x", "true_y", "landmark_x", "landmark_y", "target_x", "target_y"), 0.01),  # m
     "heading": math.tau / 256,
     **dict.fromkeys(("pose_major", "pose_minor", "landmark_major", "landmark_minor"), 0.002),  # m
     **dict.fromkeys(("pose_angle", "landmark_angle", "angle"), math.pi / ANGLE_LEVELS),
@@ -113,7 +113,7 @@ def pack_replay(record: TrialRecord, replay: Replay) -> bytes:
     _add_steps(columns, record)
     _add_decisions(columns, replay, scenario)
     header = {
-        "cells": scenario.cells,
+        "cells": scenario.grid.columns,
         "cellSize": scenario.cell_size,
         "range": scenario.sensor_range,
         "obstacles": np.flatnonzero(record.world.obstacles & record.world.counted).tolist(),
@@ -163,10 +163,12 @@ def _add_decisions(columns: Columns, replay: Replay, scenario: Scenario) -> None
     candidates = [own or [] for own in replay.candidates]
     columns.add("decided_at", replay.steps, lag=1)
     columns.add("choice", [-1 if choice is None else choice for choice in replay.choices])
+    columns.add("target_x", [target[0] if target else -1.0 for target in replay.targets])
+    columns.add("target_y", [target[1] if target else -1.0 for target in replay.targets])
     columns.add("candidate_count", [len(own) for own in candidates])
     columns.add("candidates", [cell for own in candidates for cell in own], lag=1)
-    columns.add("map", [_classes(one, scenario.cells) for one in replay.maps], lag=count)
-    ellipses = np.array([unpack_ellipses(one, scenario.cells, 1.0).reshape(count, 3) for one in replay.ellipses])
+    columns.add("map", [_classes(one, scenario) for one in replay.maps], lag=count)
+    ellipses = np.array([unpack_ellipses(one, scenario.grid.shape, 1.0).reshape(count, 3) for one in replay.ellipses])
     ellipses = ellipses.reshape(-1, count, 3)
     columns.add("major", ellipses[..., 0], lag=count)
     columns.add("minor", ellipses[..., 1], lag=count)
@@ -187,9 +189,9 @@ def _add_ellipses(columns: Columns, prefix: str, xx: Any, xy: Any, yy: Any, lag:
     columns.add(f"{prefix}angle", 0.5 * np.arctan2(2 * xy, xx - yy) % np.pi, lag)
 
 
-def _classes(one: bytes, cells: int) -> np.ndarray:
+def _classes(one: bytes, scenario: Scenario) -> np.ndarray:
     """Class of every cell: unknown, free or occupied."""
-    belief = unpack_map(one, cells).ravel()
+    belief = unpack_map(one, scenario.grid.shape).ravel()
     return np.where(np.isnan(belief), UNKNOWN, np.where(belief > 0.5, OCCUPIED, FREE))
 
 

@@ -14,10 +14,9 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from explore_bench.geometry import centres
 from explore_bench.records.shard import Replay, TrialRecord
 from explore_bench.trial.snapshot import Snapshot, unpack_ellipses, unpack_map
-from explore_bench.world.landmark.world import World
+from explore_bench.world.kinds import World
 from explore_bench.world.scenario import Scenario
 
 UNKNOWN, FREE, OCCUPIED = "#d9d9d9", "#ffffff", "#707070"
@@ -34,7 +33,7 @@ class Scene:
 
     Attributes
     ----------
-    steps : columns of STEP_COLUMNS by name up to the moment, each of shape (T + 1,).
+    steps : columns of the step rows by name up to the moment, each of shape (T + 1,).
     snapshot : what the replay keeps of it.
     """
 
@@ -48,8 +47,10 @@ def scene_of(record: TrialRecord, replay: Replay, index: int) -> Scene:
     """Return the moment of decision `index` of a replay (−1: the end of the trial)."""
     steps = {name: values[: replay.steps[index] + 1] for name, values in record.steps.items()}
     landmarks = replay.landmarks[index].ravel().tolist()
-    own = replay.candidates[index], replay.choices[index], replay.maps[index], replay.ellipses[index]
-    return Scene(record.spec.scenario, record.world, steps, Snapshot(*own, landmarks))
+    target = replay.targets[index]
+    own = replay.candidates[index], replay.choices[index], target and list(target)
+    snapshot = Snapshot(*own, replay.maps[index], replay.ellipses[index], landmarks)
+    return Scene(record.spec.scenario, record.world, steps, snapshot)
 
 
 def scene_image(scene: Scene, pixels: int = 480) -> NDArray[np.uint8]:
@@ -69,12 +70,12 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
     1-σ pose ellipses, the sensor's range, the candidates (purple) and the chosen one (red).
     """
     scenario, world, steps, snapshot = scene.scenario, scene.world, scene.steps, scene.snapshot
-    n, size, cell = scenario.cells, scenario.size, scenario.cell_size
-    belief = unpack_map(snapshot.map, n)
+    grid = scenario.grid
+    belief = unpack_map(snapshot.map, grid.shape)
     shade = np.where(np.isnan(belief), 0, np.where(belief > 0.5, 2, 1))
     for kind, color in enumerate((UNKNOWN, FREE, OCCUPIED)):
-        axes.add_patch(PathPatch(squares(shade == kind, cell), facecolor=color, edgecolor="none", zorder=0))
-    outlines = squares(world.obstacles & world.counted, cell)
+        axes.add_patch(PathPatch(squares(shade == kind, grid.resolution), facecolor=color, edgecolor="none", zorder=0))
+    outlines = squares(world.obstacles & world.counted, world.grid.resolution)
     axes.add_patch(PathPatch(outlines, fill=False, edgecolor=TRUE, linewidth=0.6, alpha=0.7, zorder=2))
     _ellipses(axes, scenario, snapshot)
     axes.plot(steps["true_x"], steps["true_y"], color=TRUE, linewidth=0.9)
@@ -87,11 +88,13 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
     landmarks = np.array(snapshot.landmark_estimates, dtype=float).reshape(-1, 5)
     axes.plot(*landmarks[:, :2].T, "+", color=LANDMARK, markersize=8, markeredgewidth=1.4)
     if snapshot.candidates:
-        points = centres(np.array(snapshot.candidates), n, cell)
+        points = grid.centres(snapshot.candidates)
         axes.plot(*points.T, "o", color=CANDIDATE, markersize=4, linestyle="none")
         if snapshot.choice is not None:
             axes.plot(*points[snapshot.choice], "o", color=CHOSEN, markersize=6)
-    axes.set(xlim=(0, size), ylim=(0, size), aspect="equal", xticks=[], yticks=[])
+        if snapshot.target is not None:
+            axes.plot(*snapshot.target, "o", color=CHOSEN, markersize=6)
+    axes.set(xlim=(0, scenario.size), ylim=(0, scenario.size), aspect="equal", xticks=[], yticks=[])
     axes.grid(False)
     for spine in axes.spines.values():
         spine.set_visible(True)
@@ -124,10 +127,10 @@ def squares(cells: np.ndarray, side: float) -> Path:
 
 
 def _ellipses(axes: Axes, scenario: Scenario, snapshot: Snapshot) -> None:
-    values = unpack_ellipses(snapshot.ellipses, scenario.cells, scenario.virtual_sigma).reshape(-1, 3)
+    values = unpack_ellipses(snapshot.ellipses, scenario.grid.shape, scenario.virtual_sigma).reshape(-1, 3)
     seen = np.flatnonzero(values[:, 1] < 0.995 * scenario.virtual_sigma)
     scale = scenario.cell_size / 2 / scenario.virtual_sigma  # the prior fills its cell
-    offsets = centres(seen, scenario.cells, scenario.cell_size)
+    offsets = scenario.grid.centres(seen)
     _draw_ellipses(axes, offsets, scale * values[seen, :2], values[seen, 2], ELLIPSE, 0.6)
 
 

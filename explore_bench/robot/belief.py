@@ -1,35 +1,55 @@
-"""What the robot believes at one moment, frozen."""
+"""What the robot believes at one moment, frozen: all that a strategy of any kind of world may read."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose
-from explore_bench.robot.landmark.linearization import Linearization
 from explore_bench.world.scenario import Scenario
 
 
-@dataclass(frozen=True, slots=True)
-class Elimination:
-    """The linearized graph with all poses but the newest eliminated; see `marginals` for the symbols.
+class Prediction(Protocol):
+    """What the belief would become at the end of a way, if every measurement came out as expected."""
 
-    Attributes
-    ----------
-    pivots, gains, borders, widths : of the eliminated poses, shapes (N − 1, 3, 3), (N − 1, 3, 3), (N − 1, 3, ≥ 2M)
-        and (N − 1,); a border holds nothing beyond its width.
-    corner : information of the newest pose and the landmarks, shape (3 + 2M, 3 + 2M).
-    corner_covariance : its inverse; the pose in its own frame.
-    """
+    @property
+    def poses(self) -> Array:
+        """Predicted steps, shape (K, 3)."""
 
-    pivots: Array
-    gains: Array
-    borders: Array
-    widths: NDArray[np.int64]
-    corner: Array
-    corner_covariance: Array
+    @property
+    def sightings(self) -> int:
+        """Number of landmark sightings along the way."""
+
+    @property
+    def pose_covariances(self) -> Array:
+        """Marginals of the past poses and the predicted ones in the world frame, shape (N + K, 3, 3)."""
+
+    @property
+    def landmark_covariances(self) -> Array:
+        """Marginal of each landmark at the end [m²], shape (M, 2, 2)."""
+
+    @property
+    def peak_trace(self) -> float:
+        """Largest tr Σ (3 × 3) of the trajectory at the end [m² + rad²]."""
+
+    @property
+    def virtual_map(self) -> Array:
+        """Covariance (xx, xy, yy) of every virtual landmark at the end [m²], shape (rows, columns, 3)."""
+
+    @property
+    def uncertainty(self) -> float:
+        """U of Eq. 1 at the end of the way [m²]."""
+
+
+class Graph(Protocol):
+    """The graph behind a belief, each kind of world's own: it knows how the belief goes on."""
+
+    def predict(self, belief: Belief, places: Array) -> Prediction:
+        """Propagate the belief along places [m] to drive through in order, shape (P, 2)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +58,18 @@ class Belief:
 
     Attributes
     ----------
-    scenario : the physical constants, which the robot knows.
+    scenario : the constants, which the robot knows.
     poses : estimated trajectory (x, y, heading) [m, m, rad], shape (N, 3), the newest last.
     pose_covariances : marginal of each in the world frame, shape (N, 3, 3).
-    landmarks : estimates [m] in the order of first sighting, shape (M, 2).
+    landmarks : estimates [m] in the order of first sighting, shape (M, 2); none in a kind of world without landmarks.
     landmark_covariances : marginal of each [m²], shape (M, 2, 2).
     landmark_ids : the sensor's id of each, shape (M,).
-    occupancy : probability that a cell is occupied, shape (n, n), rows along y.
-    known : whether a cell was observed, shape (n, n).
-    virtual_map : covariance (xx, xy, yy) of each cell's virtual landmark [m²], shape (n, n, 3).
+    occupancy : probability that a cell is occupied, shape (rows, columns), rows along y.
+    known : whether a cell was observed, shape (rows, columns).
+    virtual_map : covariance (xx, xy, yy) of each cell's virtual landmark [m²], shape (rows, columns, 3).
     uncertainty : U of Eq. 1 [m²].
-    linearization : Jacobian blocks of the graph at these estimates.
-    elimination : the same graph eliminated up to the newest pose, from which `predict` goes on.
+    peak_trace : largest tr Σ (3 × 3) of the trajectory [m² + rad²], for Eq. 3.
+    graph : from which `predict` goes on.
     """
 
     scenario: Scenario
@@ -62,8 +82,8 @@ class Belief:
     known: NDArray[np.bool_]
     virtual_map: Array
     uncertainty: float
-    linearization: Linearization
-    elimination: Elimination
+    peak_trace: float
+    graph: Graph
 
     @property
     def pose(self) -> Pose:
@@ -78,5 +98,41 @@ class Belief:
 
     @property
     def virtual_traces(self) -> Array:
-        """Trace of each virtual landmark's covariance [m²], shape (n, n)."""
+        """Trace of each virtual landmark's covariance [m²], shape (rows, columns)."""
         return np.asarray(self.virtual_map[..., 0] + self.virtual_map[..., 2])
+
+    def predict(self, path: ArrayLike) -> Prediction:
+        """Propagate the belief along a path that was not driven yet, with measurements as expected ([25]).
+
+        Parameters
+        ----------
+        path : cells to drive through, shape (P,), as in `Observation.paths`, the first of several being where the
+            robot is; or places [m] to drive through in order, shape (P, 2).
+
+        Raises
+        ------
+        ValueError : where it is neither, or leaves the map.
+        """
+        way = np.asarray(path)
+        grid = self.scenario.grid
+        if way.ndim == 1 and len(way) and np.issubdtype(way.dtype, np.integer):
+            if way.min() < 0 or way.max() >= grid.cells:
+                raise ValueError(f"the path {way.tolist()} leaves the map; its cells are 0 to {grid.cells - 1}")
+            places = grid.centres(way)
+            return self.graph.predict(self, places[1:] if len(places) > 1 else places)
+        if way.ndim != 2 or way.shape[1] != 2 or not len(way) or not np.isfinite(np.asarray(way, dtype=float)).all():
+            raise ValueError(
+                f"a path of shape {way.shape} and type {way.dtype} is neither cells, integers of shape (P,), nor "
+                "places [m], finite and of shape (P, 2); give one of them"
+            )
+        return self.graph.predict(self, np.ascontiguousarray(way, dtype=float))
+
+
+@jit
+def peak_traces(covariances: Array, full: float = 0.0, position: float = 0.0) -> tuple[float, float]:
+    """Largest trace of poses' covariances, shape (N, 3, 3), and of their position blocks; at least those given."""
+    for i in range(covariances.shape[0]):
+        block = covariances[i, 0, 0] + covariances[i, 1, 1]
+        position = max(position, block)
+        full = max(full, block + covariances[i, 2, 2])
+    return full, position

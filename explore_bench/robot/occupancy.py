@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, cells_in_reach
+from explore_bench.geometry import Array, Grid, cells_within
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import HIDDEN, OCCUPIED
+from explore_bench.world.signals import HIDDEN, OCCUPIED, look_up
 
 OCCUPIED_ABOVE = 0.5 + 1e-9
 """A cell whose probability exceeds this is believed occupied (§4.1 starts all at 0.5)."""
@@ -33,31 +33,13 @@ _LOG_ODDS_ABOVE = _logit(OCCUPIED_ABOVE)
 
 
 @jit
-def point_in_patch(dx: float, dy: float, heading: float, origin: Array) -> tuple[float, float]:
-    """Where a point lies in a scan's patch [m], given its offset from the estimated pose in the world.
-
-    `origin` holds the robot's x and y in the patch and the angle from the patch's x axis to the robot's.
-    """
-    c, s = math.cos(origin[2] - heading), math.sin(origin[2] - heading)
-    return origin[0] + c * dx - s * dy, origin[1] + s * dx + c * dy
-
-
-@jit
-def look_up(patch: NDArray[np.uint8], u: float, v: float, cell_size: float) -> int:
-    """Value that a scan's patch holds at a point of it [m]; the far edge, reached by rounding, counts as inside."""
-    side = patch.shape[0]
-    return patch[min(max(int(v / cell_size), 0), side - 1), min(max(int(u / cell_size), 0), side - 1)]
-
-
-@jit
 def place_scans(
     log_odds: Array,
     known: NDArray[np.bool_],
     poses: Array,
     patches: NDArray[np.uint8],
     origins: Array,
-    cells: int,
-    cell_size: float,
+    grid: Grid,
     sensor_range: float,
     increments: tuple[float, float, float],
 ) -> None:
@@ -65,69 +47,57 @@ def place_scans(
 
     Parameters
     ----------
-    log_odds, known : map, shape (n²,) each, updated in place.
+    log_odds, known : map, shape (n_g,) each, updated in place.
     poses : estimates at which the scans were taken, shape (N, 3).
-    patches, origins : the scans' look-ups, shapes (N, P, P) and (N, 3); see `point_in_patch`.
+    patches, origins : the scans' look-ups, shapes (N, P, P) and (N, 3); see `signals.point_in_patch`.
     increments : of `log_odds_increments`.
     """
     hit, miss, bound = increments
-    reach2 = sensor_range * sensor_range
     for i in range(poses.shape[0]):
-        x, y = poses[i, 0], poses[i, 1]
         turn = origins[i, 2] - poses[i, 2]
         c, s = math.cos(turn), math.sin(turn)
-        row0, row1 = cells_in_reach(y, sensor_range, cells, cell_size)
-        column0, column1 = cells_in_reach(x, sensor_range, cells, cell_size)
-        for row in range(row0, row1 + 1):
-            for column in range(column0, column1 + 1):
-                cell = row * cells + column
-                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
-                if dx * dx + dy * dy > reach2:
-                    continue
-                u, v = origins[i, 0] + c * dx - s * dy, origins[i, 1] + s * dx + c * dy
-                value = look_up(patches[i], u, v, cell_size)
-                if value == HIDDEN:
-                    continue
-                known[cell] = True
-                change = hit if value == OCCUPIED else miss
-                log_odds[cell] = min(max(log_odds[cell] + change, -bound), bound)
+        for cell, dx, dy in cells_within(grid, poses[i, 0], poses[i, 1], sensor_range):
+            u, v = origins[i, 0] + c * dx - s * dy, origins[i, 1] + s * dx + c * dy
+            value = look_up(patches[i], u, v, grid.resolution)
+            if value == HIDDEN:
+                continue
+            known[cell] = True
+            change = hit if value == OCCUPIED else miss
+            log_odds[cell] = min(max(log_odds[cell] + change, -bound), bound)
 
 
 class OccupancyMap:
-    """Occupancy and knowledge of every cell, rebuilt or extended from the scans."""
+    """Occupancy and knowledge of every cell, rebuilt or extended from the scans.
+
+    Attributes
+    ----------
+    known : whether a cell was observed, shape (n_g,).
+    """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
+        self._grid, self._sensor_range = scenario.grid, scenario.sensor_range
         self._increments = log_odds_increments(scenario)
         self.clear()
 
     def clear(self) -> None:
         """Forget all scans."""
-        self._log_odds = np.zeros(self._scenario.cell_count)
-        self.known = np.zeros(self._scenario.cell_count, dtype=bool)
+        self._log_odds = np.zeros(self._grid.cells)
+        self.known = np.zeros(self._grid.cells, dtype=bool)
 
     def place(self, poses: Array, patches: NDArray[np.uint8], origins: Array) -> None:
         """Fuse further scans, taken at these estimates; shapes as in `place_scans`."""
         place_scans(
-            self._log_odds,
-            self.known,
-            poses,
-            patches,
-            origins,
-            self._scenario.cells,
-            self._scenario.cell_size,
-            self._scenario.sensor_range,
-            self._increments,
+            self._log_odds, self.known, poses, patches, origins, self._grid, self._sensor_range, self._increments
         )
 
     @property
     def probability(self) -> Array:
-        """Probability of being occupied, shape (n²,)."""
+        """Probability of being occupied, shape (n_g,)."""
         return probability(self._log_odds)
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """Cells believed occupied, shape (n²,)."""
+        """Cells believed occupied, shape (n_g,)."""
         return np.asarray(self._log_odds > _LOG_ODDS_ABOVE)
 
 

@@ -4,7 +4,7 @@ A pose that has a cell within range would observe a landmark at its centre with 
 observations are correlated through the pose, so they are fused by covariance intersection, in time order, starting
 from the prior. With the trace-optimal weight (the paper's A-optimality) no sight ever raises a cell's trace.
 
-A grid of covariances has the shape (n², 3): the entries xx, xy, yy [m²] of each cell.
+Covariances of all cells have the shape (n_g, 3): the entries xx, xy, yy [m²] of each.
 """
 
 from __future__ import annotations
@@ -15,26 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, cells_in_reach
-from explore_bench.robot.occupancy import look_up, point_in_patch
+from explore_bench.geometry import Array, Grid, cells_within
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import HIDDEN
+from explore_bench.world.signals import HIDDEN, look_up, point_in_patch
 
-Constants = tuple[int, float, float, float, float, bool, bool]
-"""(cells a side, cell size, sensor range, bearing σ, range σ, least determinant?, first sight replaces?)"""
+Constants = tuple[float, float, float, bool, bool]
+"""(sensor range, bearing σ, range σ, least determinant?, first sight replaces?)"""
 
 
 def constants_of(scenario: Scenario) -> Constants:
     """Constants of a scenario, as `fuse_poses` takes them."""
     return (
-        scenario.cells,
-        scenario.cell_size,
         scenario.sensor_range,
-        math.radians(scenario.bearing_sigma_deg),
-        scenario.range_sigma,
+        *scenario.sight_sigmas,
         scenario.fusion == "determinant",
         scenario.first_sight == "replace",
     )
+
+
+def prior_of(scenario: Scenario) -> Array:
+    """Prior σ₀² I of a virtual landmark (xx, xy, yy) [m²], shape (3,)."""
+    return np.array([1.0, 0.0, 1.0]) * scenario.virtual_sigma**2
 
 
 def key_poses(poses: Array, spacing: float) -> NDArray[np.bool_]:
@@ -59,8 +60,8 @@ class VirtualMap:
 
     Attributes
     ----------
-    grid : covariance (xx, xy, yy) of every cell's virtual landmark [m²], shape (n², 3).
-    seen : whether a cell was ever in range, shape (n²,).
+    covariances : (xx, xy, yy) of every cell's virtual landmark [m²], shape (n_g, 3).
+    seen : whether a cell was ever in range, shape (n_g,).
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -70,99 +71,100 @@ class VirtualMap:
 
     def clear(self) -> None:
         """Return to the prior σ₀² I in every cell."""
-        prior = np.array([1.0, 0.0, 1.0]) * self._scenario.virtual_sigma**2
-        self.grid: Array = np.tile(prior, (self._scenario.cell_count, 1))
+        self.covariances: Array = np.tile(prior_of(self._scenario), (self._scenario.cell_count, 1))
         self.seen = np.zeros(self._scenario.cell_count, dtype=bool)
 
     def copy(self) -> VirtualMap:
         """Return an independent copy."""
         other = VirtualMap(self._scenario)
-        other.grid, other.seen = self.grid.copy(), self.seen.copy()
+        other.covariances, other.seen = self.covariances.copy(), self.seen.copy()
         return other
 
     def fuse(
         self,
         poses: Array,
-        covariances: Array,
+        pose_covariances: Array,
         used: NDArray[np.bool_],
         scans: tuple[NDArray[np.uint8], Array] = NOTHING_HIDDEN,
     ) -> None:
         """Fuse further poses in time order; shapes as in `fuse_poses`."""
-        fuse_poses(self.grid, self.seen, poses, covariances, used, self._constants, *scans)
+        fuse_poses(
+            self.covariances,
+            self.seen,
+            poses,
+            pose_covariances,
+            used,
+            self._scenario.grid,
+            self._constants,
+            *scans,
+        )
 
     @property
     def uncertainty(self) -> float:
         """U of Eq. 1 [m²]."""
-        return uncertainty(self.grid)
+        return uncertainty(self.covariances)
 
 
 @jit
-def uncertainty(grid: Array) -> float:
+def uncertainty(virtual: Array) -> float:
     """Eq. 1: U = Σ tr Σ_v over all virtual landmarks [m²]."""
     total = 0.0
-    for cell in range(grid.shape[0]):
-        total += grid[cell, 0] + grid[cell, 2]
+    for cell in range(virtual.shape[0]):
+        total += virtual[cell, 0] + virtual[cell, 2]
     return total
 
 
 @jit
 def fuse_poses(
-    grid: Array,
+    virtual: Array,
     seen: NDArray[np.bool_],
     poses: Array,
     covariances: Array,
     used: NDArray[np.bool_],
+    grid: Grid,
     constants: Constants,
     patches: NDArray[np.uint8],
     origins: Array,
 ) -> None:
-    """Fuse into the grid, in time order, what each used pose would see of every cell within range.
+    """Fuse into the virtual map, in time order, what each used pose would see of every cell within range.
 
     Parameters
     ----------
-    grid : covariances, shape (n², 3), updated in place.
-    seen : whether a cell was fused before, shape (n²,), updated in place.
+    virtual : covariances, shape (n_g, 3), updated in place.
+    seen : whether a cell was fused before, shape (n_g,), updated in place.
     poses, covariances : trajectory in the world frame, shapes (N, 3) and (N, 3, 3).
     used : which poses take part, shape (N,).
     constants : of `constants_of`.
     patches, origins : scans of the poses where obstacles occlude (hidden cells are not fused), shapes (N, P, P)
         and (N, 3); P = 0 where nothing is hidden.
     """
-    n, cell_size, reach, bearing_sigma, range_sigma, by_determinant, replace_first = constants
-    bearing2, range2, reach2 = bearing_sigma**2, range_sigma**2, reach**2
+    reach, bearing_sigma, range_sigma, by_determinant, replace_first = constants
+    bearing2, range2 = bearing_sigma**2, range_sigma**2
     occluded = patches.shape[1] > 0
     for i in range(poses.shape[0]):
         if not used[i]:
             continue
-        x, y = poses[i, 0], poses[i, 1]
         sigma = covariances[i]
         xx, xy, yy = sigma[0, 0], sigma[0, 1], sigma[1, 1]
         xh, yh, hh = sigma[0, 2], sigma[1, 2], sigma[2, 2]
-        row0, row1 = cells_in_reach(y, reach, n, cell_size)
-        column0, column1 = cells_in_reach(x, reach, n, cell_size)
-        for row in range(row0, row1 + 1):
-            for column in range(column0, column1 + 1):
-                cell = row * n + column
-                dx, dy = (column + 0.5) * cell_size - x, (row + 0.5) * cell_size - y
-                distance2 = dx * dx + dy * dy
-                if distance2 > reach2:
+        for cell, dx, dy in cells_within(grid, poses[i, 0], poses[i, 1], reach):
+            distance2 = dx * dx + dy * dy
+            if occluded:
+                u, v = point_in_patch(dx, dy, poses[i, 2], origins[i])
+                if look_up(patches[i], u, v, grid.resolution) == HIDDEN:
                     continue
-                if occluded:
-                    u, v = point_in_patch(dx, dy, poses[i, 2], origins[i])
-                    if look_up(patches[i], u, v, cell_size) == HIDDEN:
-                        continue
-                # J = [1 0 −dy; 0 1 dx]; R turned from (range, bearing) into the world's axes
-                along = range2 / distance2 if distance2 > 1e-12 else 0.0
-                b_xx = xx - 2.0 * dy * xh + dy * dy * hh + along * dx * dx + bearing2 * dy * dy
-                b_yy = yy + 2.0 * dx * yh + dx * dx * hh + along * dy * dy + bearing2 * dx * dx
-                b_xy = xy + dx * xh - dy * yh - dx * dy * hh + (along - bearing2) * dx * dy
-                if replace_first and not seen[cell]:
-                    grid[cell, 0], grid[cell, 1], grid[cell, 2] = b_xx, b_xy, b_yy
-                elif by_determinant:
-                    _intersect_determinant(grid[cell], b_xx, b_xy, b_yy)
-                else:
-                    _intersect_trace(grid[cell], b_xx, b_xy, b_yy)
-                seen[cell] = True
+            # J = [1 0 −dy; 0 1 dx]; R turned from (range, bearing) into the world's axes
+            along = range2 / distance2 if distance2 > 1e-12 else 0.0
+            b_xx = xx - 2.0 * dy * xh + dy * dy * hh + along * dx * dx + bearing2 * dy * dy
+            b_yy = yy + 2.0 * dx * yh + dx * dx * hh + along * dy * dy + bearing2 * dx * dx
+            b_xy = xy + dx * xh - dy * yh - dx * dy * hh + (along - bearing2) * dx * dy
+            if replace_first and not seen[cell]:
+                virtual[cell, 0], virtual[cell, 1], virtual[cell, 2] = b_xx, b_xy, b_yy
+            elif by_determinant:
+                _intersect_determinant(virtual[cell], b_xx, b_xy, b_yy)
+            else:
+                _intersect_trace(virtual[cell], b_xx, b_xy, b_yy)
+            seen[cell] = True
 
 
 @jit
@@ -179,6 +181,8 @@ def _intersect_trace(a: Array, b_xx: float, b_xy: float, b_yy: float) -> None:
     square_xx, square_xy, square_yy = xx * xx + xy * xy, xy * trace_a, xy * xy + yy * yy
     if square_xx * b_yy - 2.0 * square_xy * b_xy + square_yy * b_xx <= trace_a * det_b:
         return
+    # everything below is scaled by det A det B, so that no inverse is formed and M is p + q ω entry by entry:
+    # a_ is A⁻¹, o_ is B⁻¹ (M at ω = 0), d_ their difference (the slope of M)
     det_a = xx * yy - xy * xy
     # adj A / det A and adj B / det B, times det A det B
     a_xx, a_xy, a_yy = yy * det_b, -xy * det_b, xx * det_b
@@ -193,6 +197,8 @@ def _intersect_trace(a: Array, b_xx: float, b_xy: float, b_yy: float) -> None:
     if c0 <= 0.0:
         a[0], a[1], a[2] = b_xx, b_xy, b_yy
         return
+    # at ω = 1 the derivative is positive (A alone is not best) and, with c0 > 0, at ω = 0 it is negative: exactly one
+    # root lies between. Of its two forms, half / c2 and c0 / half, neither cancels; the one in [0, 1] is it.
     root = math.sqrt(max(c1 * c1 - 4.0 * c2 * c0, 0.0))
     half = -0.5 * (c1 + root) if c1 >= 0.0 else -0.5 * (c1 - root)
     omega = half / c2 if c2 != 0.0 else 2.0

@@ -168,8 +168,9 @@ def run(
     """
     from explore_bench.analysis.tables import select
     from explore_bench.runs.suites import plan
-    from explore_bench.world.scenario import PAPER, Scenario
-    from explore_bench.world.scenario_file import load_scenario
+    from explore_bench.world.landmark.scenario import PAPER
+    from explore_bench.world.scenario import Scenario
+    from explore_bench.world.scenarios import load_scenario
 
     workers = crew(backend, workers, scheduler)
     if not isinstance(scenario, Scenario | str | None):

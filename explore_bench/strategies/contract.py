@@ -1,4 +1,4 @@
-"""The contract of a strategy: what it sees at a decision, and what it must answer."""
+"""The contract of a strategy: what it sees at a decision, and what it may answer."""
 
 from __future__ import annotations
 
@@ -11,8 +11,24 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from explore_bench.geometry import Array, Pose
     from explore_bench.robot.belief import Belief
-    from explore_bench.world.landmark.world import World
+    from explore_bench.robot.planning.roads import Reachable, Roads
+    from explore_bench.world.kinds import World
     from explore_bench.world.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A place of the strategy's own to drive to, instead of a candidate.
+
+    It must lie in one of the cells of `Observation.reachable`; the robot drives through the centres of the cells on the
+    way and then to the place itself.
+
+    Attributes
+    ----------
+    position : (x, y) [m].
+    """
+
+    position: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +37,14 @@ class Observation:
 
     Attributes
     ----------
-    belief : estimates, covariances, occupancy and virtual map; `predict` propagates it.
+    belief : estimates, covariances, occupancy and virtual map; `belief.predict(path)` propagates it.
     step, decision : how many steps were taken and decisions made before this one.
     candidates : target cells to choose from, shape (C,), ascending, at least one.
     positions : centres of the candidates [m], shape (C, 2).
     paths : for each candidate the cells of its path, from the robot's own cell to the candidate.
     path_lengths : length of each path [m], shape (C,).
+    roads : the cells that the robot drives through, with the way to each.
+    robot : number of the robot that decides.
     """
 
     belief: Belief
@@ -36,6 +54,13 @@ class Observation:
     positions: Array
     paths: tuple[NDArray[np.int64], ...]
     path_lengths: Array
+    roads: Roads
+    robot: int = 0
+
+    @property
+    def reachable(self) -> Reachable:
+        """Cells that can be reached, with the length of the drive to each: where a Target may lie. Computed by need."""
+        return self.roads.reachable
 
     @property
     def scenario(self) -> Scenario:
@@ -55,8 +80,8 @@ class Strategy(Protocol):
     def reset(self, rng: np.random.Generator) -> None:
         """Begin a trial. All randomness of the trial must come from `rng`, nothing may be kept from the last one."""
 
-    def choose(self, observation: Observation) -> int:
-        """Return the index of the chosen candidate, 0 ≤ index < C."""
+    def choose(self, observation: Observation) -> int | Target:
+        """Return the index of the chosen candidate, 0 ≤ index < C, or a Target of one's own."""
 
 
 @runtime_checkable
@@ -66,5 +91,5 @@ class Reference(Protocol):
     def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
         """Begin a trial in a world that is known."""
 
-    def choose(self, observation: Observation) -> int:
-        """Return the index of the chosen candidate, 0 ≤ index < C."""
+    def choose(self, observation: Observation) -> int | Target:
+        """Return the index of the chosen candidate, 0 ≤ index < C, or a Target of one's own."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from explore_bench.strategies.contract import Observation
-from explore_bench.trial.reward import WEIGHTS, RewardWeights, reward
+from explore_bench.strategies.contract import Observation, Target
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
 from explore_bench.trial.rollout import Ending, rollout
 from explore_bench.trial.seeding import Purpose, Role, stream
 from explore_bench.trial.steps import Step
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.kinds import World, draw_world
 from explore_bench.world.scenario import Scenario
 
 
@@ -32,7 +32,7 @@ class DecisionProcess:
         world: World,
         motion: np.random.Generator,
         sensing: np.random.Generator,
-        weights: RewardWeights = WEIGHTS,
+        weights: RewardWeights = REWARD_WEIGHTS,
     ) -> None:
         self.scenario, self.world = scenario, world
         self.rows: list[Step] = []
@@ -42,18 +42,20 @@ class DecisionProcess:
         self._events = rollout(scenario, world, motion, sensing)
         self._advance(None)
 
-    def decide(self, choice: int) -> float:
-        """Drive to the candidate of this index and on to the next decision, or the end; return the reward (Eq. 24).
+    def decide(self, choice: int | Target) -> float:
+        """Drive to the candidate of this index, or to a Target, and on to the next decision or the end.
+
+        Returns the reward (Eq. 24).
 
         Raises
         ------
-        ChoiceError : where there is no such candidate.
+        ChoiceError : where there is no such candidate, or no way to the target.
         """
         before = self.rows[-1]
         self._advance(choice)
         return reward(before, self.rows[-1], self.scenario, self._weights)
 
-    def _advance(self, choice: int | None) -> None:
+    def _advance(self, choice: int | Target | None) -> None:
         self.observation = None
         try:
             event = self._events.send(choice)
@@ -79,7 +81,7 @@ class Course:
     scenario: Scenario
     purpose: Purpose
     root: int
-    weights: RewardWeights = WEIGHTS
+    weights: RewardWeights = REWARD_WEIGHTS
     scales: tuple[float, ...] = (1.0,)
 
     def scenario_of(self, episode: int) -> Scenario:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.geometry import Array, centres, wrap_angle
+from explore_bench.geometry import Array, wrap_angle
 from explore_bench.robot.belief import Belief
 from explore_bench.strategies.contract import Observation
 from explore_bench.world.scenario import Scenario
@@ -78,7 +78,7 @@ def features(observation: Observation, width: int | None = None) -> Features:
     if len(order):
         rows[: len(order)] = np.clip(_candidates(observation)[order], -1.0, 1.0)
     own = float(np.trace(belief.pose_covariances[-1, :2, :2]))
-    peak = float(np.trace(belief.pose_covariances, axis1=1, axis2=2).max())
+    peak = belief.peak_trace
     state = (
         belief.explored,
         belief.uncertainty / scenario.prior_uncertainty,
@@ -99,7 +99,7 @@ def _candidates(observation: Observation) -> Array:
     distances = np.hypot(*offsets.T)
     bearings = np.arctan2(offsets[:, 1], offsets[:, 0]) - heading
     near = distances / (distances + DISTANCE)
-    view = _views(observation)
+    view = scenario.grid.in_reach(observation.positions, scenario.sensor_range)
     traces = belief.virtual_traces.reshape(-1) / (2.0 * scenario.virtual_sigma**2)
     seen = view & belief.known.reshape(-1)
     columns = (
@@ -116,14 +116,6 @@ def _candidates(observation: Observation) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _views(observation: Observation) -> NDArray[np.bool_]:
-    """Whether the centre of a cell lies within sensor range of a candidate, shape (C, n²)."""
-    scenario = observation.scenario
-    cells = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
-    squared = ((observation.positions[:, None] - cells) ** 2).sum(axis=2)
-    return np.asarray(squared <= scenario.sensor_range**2)
-
-
 def _full_view(scenario: Scenario) -> int:
     """Cells within sensor range of a cell's centre, the map's edge aside."""
     reach = scenario.sensor_range / scenario.cell_size
@@ -136,7 +128,7 @@ def _turns(observation: Observation) -> Array:
     scenario = observation.scenario
     x, y, heading = observation.pose
     firsts = np.array([path[min(1, len(path) - 1)] for path in observation.paths])
-    offsets = centres(firsts, scenario.cells, scenario.cell_size) - (x, y)
+    offsets = scenario.grid.centres(firsts) - (x, y)
     angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - heading
     return np.abs([wrap_angle(angle) for angle in angles]) / math.pi
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from explore_bench.trial.scores import trajectory_error
 from explore_bench.trial.steps import Step
 from explore_bench.world.scenario import Scenario
 
@@ -36,15 +37,10 @@ class RewardWeights:
                 raise ValueError(f"the weight '{name}' of the reward is {value}; Eq. 24 asks for a positive number")
 
 
-WEIGHTS = RewardWeights()
+REWARD_WEIGHTS = RewardWeights()
 
 
-def trajectory_error_now(step: Step, scenario: Scenario) -> float:
-    """Eq. 3 at a step, e = n_a / n_g · sqrt(max tr Σ) [m]."""
-    return step.step / scenario.cell_count * math.sqrt(step.peak_trace)
-
-
-def reward(before: Step, after: Step, scenario: Scenario, weights: RewardWeights = WEIGHTS) -> float:
+def reward(before: Step, after: Step, scenario: Scenario, weights: RewardWeights = REWARD_WEIGHTS) -> float:
     """R = −ω₁ ΔU − ω₂ R₂ − ω₃ R₃ − ω₄ e − ω₅ R₅ + ω₆ R₆ of the decision driven between two rows (Eq. 24).
 
     ΔU is the change of U, so that reducing it is rewarded; U and the steps are taken per cell of the map, so that
@@ -55,7 +51,7 @@ def reward(before: Step, after: Step, scenario: Scenario, weights: RewardWeights
         -weights.uncertainty * (after.uncertainty - before.uncertainty) / cells
         - weights.turning * (after.turned - before.turned)
         - weights.length * (after.path_length - before.path_length)
-        - weights.error * trajectory_error_now(after, scenario)
+        - weights.error * float(trajectory_error(float(after.step), after.peak_trace, scenario))
         - weights.steps * after.step / cells
         + weights.explored * after.explored
     )

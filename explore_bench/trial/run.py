@@ -13,15 +13,16 @@ import numpy as np
 
 from explore_bench.errors import RequestError, describe
 from explore_bench.geometry import Array
-from explore_bench.robot.landmark.smoother import Lap, no_lap
-from explore_bench.strategies.contract import Observation
+from explore_bench.robot.lap import Lap, no_lap
+from explore_bench.strategies.contract import Observation, Target
 from explore_bench.strategies.loading import StrategyError, check_methods, make_strategy
 from explore_bench.trial.containment import OutOfTime, one_process, time_limit
-from explore_bench.trial.rollout import ChoiceError, Ending, rollout
+from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.rollout import Ending, rollout
 from explore_bench.trial.snapshot import Snapshot, take_snapshot
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.kinds import World, draw_world
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _begin(spec: TrialSpec, world: World) -> Any:
 
 
 def _play(
-    events: Generator[Observation | Step, int | None, Ending],
+    events: Generator[Observation | Step, int | Target | None, Ending],
     strategy: Any,
     steps: list[Step],
     snapshots: dict[int, Snapshot],
@@ -150,5 +151,16 @@ def _play(
                 choice = strategy.choose(event)
         finally:
             seconds[-1] = time.perf_counter() - begin
-        if isinstance(choice, int | np.integer) and 0 <= choice < count:
-            snapshots[len(steps) - 1] = snapshot._replace(choice=int(choice))
+        snapshots[len(steps) - 1] = _with_answer(snapshot, choice, count)
+
+
+def _with_answer(snapshot: Snapshot, choice: object, count: int) -> Snapshot:
+    """Snapshot with what was answered; what can be neither chosen nor driven to is said in the trial's reason."""
+    if isinstance(choice, Target):
+        try:
+            return snapshot._replace(target=[float(value) for value in choice.position])
+        except (TypeError, ValueError, OverflowError):
+            return snapshot
+    if isinstance(choice, int | np.integer) and 0 <= choice < count:
+        return snapshot._replace(choice=int(choice))
+    return snapshot

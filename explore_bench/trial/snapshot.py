@@ -11,7 +11,8 @@ from explore_bench.trial.steps import Column
 
 REPLAY_COLUMNS: dict[str, Column] = {
     "candidates": Column("list<int32>", "cell", "choices of the decision made at this step; null where none was"),
-    "choice": Column("int32", "1", "index of the chosen one"),
+    "choice": Column("int32", "1", "index of the chosen one; null where a target was answered"),
+    "target": Column("list<float64>", "m", "x, y of the target that was answered instead"),
     "map": Column("binary", "1", "occupancy of each cell: 0–200 for probabilities 0–1, 255 unknown"),
     "ellipses": Column("binary", "1", "virtual landmarks: half axes in σ₀/250, angle in π/256; 3 bytes a cell"),
     "landmark_estimates": Column("list<float32>", "m, m²", "x, y, xx, xy, yy of each landmark seen"),
@@ -22,16 +23,17 @@ _OCCUPANCY_LEVELS, _AXIS_LEVELS, _ANGLE_LEVELS = 200, 250, 256
 
 
 class Snapshot(NamedTuple):
-    """What a replay keeps of one decision (of the end of the trial where choice is None)."""
+    """What a replay keeps of one decision, or of the end of the trial, where there are no candidates."""
 
     candidates: list[int] | None
     choice: int | None
+    target: list[float] | None
     map: bytes
     ellipses: bytes
     landmark_estimates: list[float]
 
 
-def take_snapshot(belief: Belief, candidates: list[int] | None = None, choice: int | None = None) -> Snapshot:
+def take_snapshot(belief: Belief, candidates: list[int] | None = None) -> Snapshot:
     """Pack what the replay shows of a belief into a few bytes a cell."""
     levels = np.round(belief.occupancy * _OCCUPANCY_LEVELS).astype(np.uint8)
     levels[~belief.known] = UNKNOWN_CELL
@@ -43,16 +45,16 @@ def take_snapshot(belief: Belief, candidates: list[int] | None = None, choice: i
     packed = np.concatenate((scaled, angle[..., None]), axis=-1).astype(np.uint8)
     entries = belief.landmark_covariances[:, [0, 0, 1], [0, 1, 1]]
     landmarks = np.concatenate((belief.landmarks, entries), axis=1)
-    return Snapshot(candidates, choice, levels.tobytes(), packed.tobytes(), landmarks.ravel().tolist())
+    return Snapshot(candidates, None, None, levels.tobytes(), packed.tobytes(), landmarks.ravel().tolist())
 
 
-def unpack_map(packed: bytes, cells: int) -> np.ndarray:
-    """Occupancy probability of every cell, NaN where unknown, shape (n, n)."""
-    levels = np.frombuffer(packed, dtype=np.uint8).reshape(cells, cells)
+def unpack_map(packed: bytes, shape: tuple[int, int]) -> np.ndarray:
+    """Occupancy probability of every cell of a grid of this shape, NaN where unknown."""
+    levels = np.frombuffer(packed, dtype=np.uint8).reshape(shape)
     return np.where(levels == UNKNOWN_CELL, np.nan, levels / _OCCUPANCY_LEVELS)
 
 
-def unpack_ellipses(packed: bytes, cells: int, virtual_sigma: float) -> np.ndarray:
-    """Half axes [m] and angle [rad] of every virtual landmark's 1-σ ellipse, shape (n, n, 3)."""
-    values = np.frombuffer(packed, dtype=np.uint8).reshape(cells, cells, 3).astype(float)
+def unpack_ellipses(packed: bytes, shape: tuple[int, int], virtual_sigma: float) -> np.ndarray:
+    """Half axes [m] and angle [rad] of every virtual landmark's 1-σ ellipse, shape (rows, columns, 3)."""
+    values = np.frombuffer(packed, dtype=np.uint8).reshape(*shape, 3).astype(float)
     return values * np.array([virtual_sigma / _AXIS_LEVELS, virtual_sigma / _AXIS_LEVELS, np.pi / _ANGLE_LEVELS])

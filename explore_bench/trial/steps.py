@@ -1,4 +1,4 @@
-"""The row that a trial keeps of every step.
+"""The row that a trial keeps of every step: what all kinds of world have in common.
 
 Rows hold primitives only; metrics are functions of them, so that a changed metric never asks for a new simulation.
 """
@@ -6,10 +6,16 @@ Rows hold primitives only; metrics are functions of them, so that a changed metr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, get_type_hints
+from functools import cache
+from typing import Annotated, get_type_hints
 
-SCHEMA_VERSION = 1
-"""Raised whenever a column's meaning changes; records of another version are refused, never mixed in."""
+from explore_bench.world.kinds import kind_of
+
+SCHEMA_VERSION = 2
+"""Raised whenever a column's meaning changes; records of another version are refused, never mixed in.
+
+1 knew one kind of world and one robot.
+"""
 
 
 @dataclass(frozen=True)
@@ -21,11 +27,13 @@ class Column:
     meaning: str
 
 
-class Step(NamedTuple):
-    """Primitives after one step; row 0 follows the scan at the start."""
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Primitives after one step; row 0 follows the scan at the start. Each kind of world adds its own."""
 
     step: Annotated[int, Column("int32", "1", "steps taken")]
     decisions: Annotated[int, Column("int32", "1", "decisions made")]
+    robot: Annotated[int, Column("int32", "1", "number of the robot")]
     true_x: Annotated[float, Column("float64", "m", "true pose")]
     true_y: Annotated[float, Column("float64", "m", "true pose")]
     true_heading: Annotated[float, Column("float64", "rad", "true pose")]
@@ -46,12 +54,14 @@ class Step(NamedTuple):
     turned: Annotated[float, Column("float64", "rad", "sum of the magnitudes of the turns so far")]
     collisions: Annotated[int, Column("int32", "1", "entries of the true robot into obstacles or off the map")]
     mislabelled: Annotated[int, Column("int32", "1", "known cells believed to be what they are not")]
-    landmarks: Annotated[int, Column("int32", "1", "landmarks seen so far")]
 
 
-STEP_COLUMNS: dict[str, Column] = {
-    name: hint.__metadata__[0] for name, hint in get_type_hints(Step, include_extras=True).items()
-}
+@cache
+def step_columns(kind: str) -> dict[str, Column]:
+    """Columns of the rows of a kind of world, the common ones first."""
+    hints = get_type_hints(kind_of(kind).load("step"), include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items()}
+
 
 FINAL_COLUMNS: dict[str, Column] = {
     "final_x": Column("float32", "m", "estimate of this step's pose at the end of the trial"),

@@ -12,7 +12,7 @@ OBSTACLE, FREE, START, UNKNOWN, BLANK = "#.S? "
 
 
 @dataclass(frozen=True, eq=False)
-class Site:
+class FloorPlan:
     """A given map on a square grid; arrays are read-only, of shape (n, n), rows along y.
 
     Attributes
@@ -33,8 +33,8 @@ class Site:
 
 
 @lru_cache(maxsize=64)
-def site_of(rows: tuple[str, ...]) -> Site:
-    """Site that rows of text draw, the first row the northernmost (largest y).
+def floor_plan(rows: tuple[str, ...]) -> FloorPlan:
+    """Floor plan that rows of text draw, the first row the northernmost (largest y).
 
     `#` is an obstacle, `.` free, `?` or a blank unknown, `S` the free cell of the start. Short rows, and what a square
     lacks above and to the right, are unknown.
@@ -52,16 +52,16 @@ def site_of(rows: tuple[str, ...]) -> Site:
     reachable = _region(free, start)
     sides = _beside(reachable)
     blocked = ~free
-    site = Site(
+    plan = FloorPlan(
         blocked=blocked,
         reachable=reachable,
         counted=reachable | (sides & (cells == OBSTACLE)),
         beside_walls=reachable & _beside(np.pad(blocked, 1, constant_values=True))[1:-1, 1:-1],
         start=start,
     )
-    for array in (site.blocked, site.reachable, site.counted, site.beside_walls):
+    for array in (plan.blocked, plan.reachable, plan.counted, plan.beside_walls):
         array.setflags(write=False)
-    return site
+    return plan
 
 
 def edge_of(rows: tuple[str, ...]) -> int:

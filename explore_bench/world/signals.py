@@ -1,36 +1,99 @@
-"""What the robot senses at one step: the only thing that passes from the simulator to SLAM."""
+"""What passes between the truth and the robot: commands one way, odometry and scans the other. Nothing else does."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, Pose
+
+Command = tuple[float, float]
+"""One motion command: turn in place by an angle [rad], or go straight by a length [m]; the other is 0."""
+
 FREE, OCCUPIED, HIDDEN = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True)
-class Scan:
-    """Landmark sightings and a robot-frame look-up of the cells around, taken at one pose.
+class Odometry:
+    """What the wheels report of one step; not the command, which they may have carried out otherwise.
 
-    The look-up is a patch of the true grid. A point q of the robot's frame lies in it at
-    `origin + R(heading) q`; SLAM places the robot's frame by its own estimate, so the scan reveals where things
-    are relative to the robot. It never reaches a strategy: its origin and heading are true.
+    Attributes
+    ----------
+    motion : pose after the step in the frame of the pose before, as measured.
+    sigmas : standard deviations of its entries (along, across, heading) [m, m, rad]; they are uncorrelated.
+    """
+
+    motion: Pose
+    sigmas: tuple[float, float, float]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the reading, shape (3, 3)."""
+        return np.diag(np.square(self.sigmas))
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Landmarks sighted from one pose.
 
     Attributes
     ----------
     landmarks : ids of the landmarks sighted, shape (K,).
     bearings : bearing of each in the robot's frame [rad], shape (K,).
     ranges : distance of each [m], shape (K,).
-    patch : cells around the robot, FREE, OCCUPIED or HIDDEN, shape (P, P), rows along y.
+    """
+
+    landmarks: NDArray[np.int64]
+    bearings: Array
+    ranges: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A robot-frame look-up of the cells around, cut out of the true grid.
+
+    A point q of the robot's frame lies in it at `origin + R(heading) q`; SLAM places the robot's frame by its own
+    estimate, so a patch reveals where things are relative to the robot.
+
+    Attributes
+    ----------
+    cells : cells around the robot, FREE, OCCUPIED or HIDDEN, shape (P, P), rows along y.
     origin : the robot's place in the patch [m], (x, y).
     heading : angle from the patch's x axis to the robot's [rad].
     """
 
-    landmarks: NDArray[np.int64]
-    bearings: NDArray[np.float64]
-    ranges: NDArray[np.float64]
-    patch: NDArray[np.uint8]
+    cells: NDArray[np.uint8]
     origin: tuple[float, float]
     heading: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """All that is sensed at one step: landmarks, and a view of what is free and what is not.
+
+    It never reaches a strategy: origin and heading of a patch are true.
+    """
+
+    sightings: Sightings
+    view: Patch
+
+
+@jit
+def point_in_patch(dx: float, dy: float, heading: float, origin: Array) -> tuple[float, float]:
+    """Where a point lies in a patch [m], given its offset from the estimated pose in the world.
+
+    `origin` holds the robot's x and y in the patch and the angle from the patch's x axis to the robot's.
+    """
+    c, s = math.cos(origin[2] - heading), math.sin(origin[2] - heading)
+    return origin[0] + c * dx - s * dy, origin[1] + s * dx + c * dy
+
+
+@jit
+def look_up(cells: NDArray[np.uint8], u: float, v: float, resolution: float) -> int:
+    """Value that a patch holds at a point of it [m]; the far edge, reached by rounding, counts as inside."""
+    side = cells.shape[0]
+    return cells[min(max(int(v / resolution), 0), side - 1), min(max(int(u / resolution), 0), side - 1)]

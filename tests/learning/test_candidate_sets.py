@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from explore_bench.robot.landmark.prediction import predict
 from handmade_graphs import reordered_observation
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,12 +13,11 @@ from scipy import ndimage
 from baselines.learned import candidates as plus
 from baselines.learned.candidates import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_set
 from explore_bench.geometry import centres
-from explore_bench.robot.landmark.prediction import predict
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import draw_world
-from explore_bench.world.scenario import PAPER
 
 
 def observations(size=20.0, trial=0, count=8):

@@ -32,8 +32,9 @@ from explore_bench.robot.belief import Belief
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import draw_world
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.scenario import Scenario
 
 CELL = 2.0
 

@@ -27,7 +27,7 @@ from baselines.training.policy_gradient import (
 from baselines.training.replay import ReplayLearner, ReplaySettings, Transition
 from baselines.training.returns import ReturnsLearner, ReturnsSettings, cut_returns, returns
 from explore_bench.trial.decision_process import Course
-from explore_bench.world.scenario import PAPER
+from explore_bench.world.landmark.scenario import PAPER
 
 torch.set_num_threads(1)
 

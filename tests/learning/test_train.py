@@ -28,7 +28,7 @@ from explore_bench.records.provenance import scenario_digest
 from explore_bench.strategies.loading import make_strategy
 from explore_bench.trial import seeding
 from explore_bench.trial.decision_process import Course
-from explore_bench.world.scenario import PAPER
+from explore_bench.world.landmark.scenario import PAPER
 
 torch.set_num_threads(1)
 

@@ -12,14 +12,16 @@ from baselines.training.episodes import Episode, play
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.decision_process import Course
-from explore_bench.trial.reward import WEIGHTS, RewardWeights, reward
-from explore_bench.trial.rollout import ChoiceError, rollout
+from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
+from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.seeding import stream
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import draw_world
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.scenario import Scenario
 
 COURSE = Course(TINY, "train", 5)
 NUMBERS = [0, 1, 2, 3, 4]
@@ -163,7 +165,7 @@ def test_a_choice_that_is_no_candidate_is_refused():
 # Rewards
 
 
-@pytest.mark.parametrize("weights", [WEIGHTS, ODD])
+@pytest.mark.parametrize("weights", [REWARD_WEIGHTS, ODD])
 def test_each_decision_is_rewarded_by_the_rows_before_and_after_it(weights):
     for episode in play(dataclasses.replace(COURSE, weights=weights), NUMBERS, nearest):
         rows, decided, _ = by_hand(COURSE, episode.number)
@@ -175,7 +177,7 @@ def test_each_decision_is_rewarded_by_the_rows_before_and_after_it(weights):
 
 
 def test_the_weights_of_the_benchmark_are_used_where_none_are_given():
-    assert COURSE.weights == WEIGHTS
+    assert COURSE.weights == REWARD_WEIGHTS
     assert play(COURSE, [0, 1], nearest) != play(dataclasses.replace(COURSE, weights=ODD), [0, 1], nearest)
 
 

@@ -21,7 +21,7 @@ from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, featu
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step
-from explore_bench.world.scenario import PAPER
+from explore_bench.world.landmark.scenario import PAPER
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLUGIN = f"{EXAMPLES / 'maskable_ppo.py'}:MaskablePPO"

@@ -12,7 +12,7 @@ import pytest
 from handmade import record, with_spec
 from matplotlib.colors import to_hex
 
-from explore_bench.analysis.training_curve import CURVE_COLUMNS, WINDOW, curve_path
+from explore_bench.analysis.training_curve import CURVE_COLUMNS, CURVE_WINDOW, curve_path
 from explore_bench.errors import RequestError
 from explore_bench.report import style, training
 from explore_bench.report.figures import _by_world
@@ -99,7 +99,7 @@ def test_a_curve_of_one_row_is_a_point():
 
 
 def test_there_is_about_a_point_a_window_at_even_distances():
-    steps, _ = on_one_axis([curve([WINDOW * i for i in range(1, 101)])], "reward")
+    steps, _ = on_one_axis([curve([CURVE_WINDOW * i for i in range(1, 101)])], "reward")
     assert len(steps) == pytest.approx(100, abs=1)
     assert np.diff(steps) == pytest.approx(np.diff(steps)[0])
 

@@ -8,13 +8,13 @@ import pytest
 from handmade import TINY
 
 from explore_bench.trial.decision_process import Course, DecisionProcess
-from explore_bench.trial.reward import WEIGHTS, RewardWeights, reward
-from explore_bench.trial.rollout import ChoiceError
+from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.seeding import PURPOSES, ROLES, stream
 from explore_bench.trial.spec import Status, TrialSpec
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import World, draw_world
-from explore_bench.world.scenario import PAPER
 
 COURSE = Course(TINY, "train", 5)
 ODD = RewardWeights(uncertainty=1.0, turning=2.0, length=3.0, error=4.0, steps=5.0, explored=6.0)
@@ -45,7 +45,7 @@ def test_the_rows_and_the_ending_are_those_of_the_trial_on_the_same_streams(scen
         np.testing.assert_array_equal(process.ending.belief.poses, result.final_poses)
 
 
-@pytest.mark.parametrize("weights", [WEIGHTS, ODD])
+@pytest.mark.parametrize("weights", [REWARD_WEIGHTS, ODD])
 def test_a_decision_earns_what_eq_24_gives_for_the_rows_before_and_after_it(weights):
     process = dataclasses.replace(COURSE, weights=weights).begin(0)
     rewards, decided = drive(process)

@@ -16,7 +16,8 @@ from explore_bench.geometry import between, centre_of
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_limit, features
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenario import Scenario
 
 CANDIDATE, STATE = list(CANDIDATE_COLUMNS), list(STATE_COLUMNS)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from explore_bench.analysis.metrics import METRICS, curve
-from explore_bench.trial.reward import WEIGHTS, RewardWeights, reward, trajectory_error_now
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward, trajectory_error_now
 from explore_bench.trial.steps import STEP_COLUMNS, Step
 from explore_bench.world.scenario import Scenario
 
@@ -55,8 +55,8 @@ def test_each_weight_multiplies_its_own_term(name, term):
 
 
 def test_the_weights_of_the_benchmark_are_used_where_none_are_given():
-    assert reward(BEFORE, AFTER, MAP) == reward(BEFORE, AFTER, MAP, WEIGHTS) != gained()
-    assert RewardWeights() == WEIGHTS
+    assert reward(BEFORE, AFTER, MAP) == reward(BEFORE, AFTER, MAP, REWARD_WEIGHTS) != gained()
+    assert RewardWeights() == REWARD_WEIGHTS
 
 
 def test_with_all_weights_one_the_reward_is_the_sum_of_the_terms():
@@ -174,9 +174,9 @@ def test_a_weight_is_a_positive_number(name, value):
 
 def test_there_is_a_weight_for_each_of_the_six_terms():
     assert NAMES == ["uncertainty", "turning", "length", "error", "steps", "explored"]
-    assert all(value > 0 for value in dataclasses.asdict(WEIGHTS).values())
+    assert all(value > 0 for value in dataclasses.asdict(REWARD_WEIGHTS).values())
 
 
 def test_weights_do_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        WEIGHTS.error = 2.0
+        REWARD_WEIGHTS.error = 2.0

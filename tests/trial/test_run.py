@@ -21,7 +21,8 @@ from explore_bench.geometry import between, centre_of, compose
 from explore_bench.robot.landmark.smoother import Smoother
 from explore_bench.robot.planning.candidates import Withheld
 from explore_bench.strategies.contract import Observation
-from explore_bench.trial.rollout import ChoiceError, rollout
+from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import Status, run_trial
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import Step

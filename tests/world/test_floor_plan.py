@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from explore_bench.world.floor_plan import edge_of, site_of
+from explore_bench.world.floor_plan import edge_of, floor_plan
 
 ROOMS = (
     "?######",
@@ -47,7 +47,7 @@ def reached(rows, start):
 
 
 def test_the_masks_of_a_map_worked_out_by_hand():
-    site = site_of(ROOMS)
+    site = floor_plan(ROOMS)
     assert shown(site.blocked) == ["xxxxxxx", "xx--x-x", "xx--x-x", "x---xxx", "x---x-x", "xxx-x-x", "xxxxxxx"]
     assert shown(site.reachable) == ["-------", "--xx---", "--xx---", "-xxx---", "-xxx---", "---x---", "-------"]
     assert shown(site.counted) == ["--xx---", "-xxxx--", "-xxxx--", "xxxxx--", "xxxxx--", "-xxxx--", "---x---"]
@@ -56,39 +56,39 @@ def test_the_masks_of_a_map_worked_out_by_hand():
 
 
 def test_a_cell_in_the_open_is_not_beside_a_wall_and_the_border_of_the_grid_is_one():
-    assert shown(site_of(("...", "...", "...")).beside_walls) == ["xxx", "x-x", "xxx"]
+    assert shown(floor_plan(("...", "...", "...")).beside_walls) == ["xxx", "x-x", "xxx"]
 
 
 def test_without_a_start_the_largest_region_is_reachable_and_the_first_of_equals():
-    assert shown(site_of(("..#", "###", "...")).reachable) == ["---", "---", "xxx"]
-    assert shown(site_of(("...", "###", "...")).reachable) == ["---", "---", "xxx"]
-    assert site_of(("...", "###", "...")).start is None
+    assert shown(floor_plan(("..#", "###", "...")).reachable) == ["---", "---", "xxx"]
+    assert shown(floor_plan(("...", "###", "...")).reachable) == ["---", "---", "xxx"]
+    assert floor_plan(("...", "###", "...")).start is None
 
 
 def test_the_region_of_the_start_is_reachable_though_another_is_larger():
-    assert shown(site_of(("S.#", "###", "...")).reachable) == ["xx-", "---", "---"]
+    assert shown(floor_plan(("S.#", "###", "...")).reachable) == ["xx-", "---", "---"]
 
 
 def test_cells_that_touch_by_a_corner_are_not_joined():
-    assert shown(site_of(("S.#", ".#.", "#..")).reachable) == ["xx-", "x--", "---"]
+    assert shown(floor_plan(("S.#", ".#.", "#..")).reachable) == ["xx-", "x--", "---"]
 
 
 def test_what_the_map_does_not_know_blocks_and_does_not_count():
-    site = site_of(("?..", " ..", "#.#"))
+    site = floor_plan(("?..", " ..", "#.#"))
     assert shown(site.blocked) == ["x--", "x--", "x-x"]
     assert shown(site.counted) == ["-xx", "-xx", "xxx"]
     assert shown(site.beside_walls) == ["-xx", "-xx", "-x-"]
 
 
 def test_a_map_that_is_no_square_is_unknown_above_and_to_the_right():
-    assert shown(site_of(("...", "..")).blocked) == ["xxx", "---", "--x"]
-    assert shown(site_of(("..", "..", "#.")).blocked) == ["--x", "--x", "x-x"]
+    assert shown(floor_plan(("...", "..")).blocked) == ["xxx", "---", "--x"]
+    assert shown(floor_plan(("..", "..", "#.")).blocked) == ["--x", "--x", "x-x"]
     assert [edge_of(rows) for rows in ((), ("...", ".."), (".", ".", "."))] == [0, 3, 3]
 
 
 def test_the_arrays_are_read_only_and_one_map_is_worked_out_once():
-    site = site_of(ROOMS)
-    assert site_of(tuple(ROOMS)) is site
+    site = floor_plan(ROOMS)
+    assert floor_plan(tuple(ROOMS)) is site
     for name in ("blocked", "reachable", "counted", "beside_walls"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(site, name)[0, 0] = True
@@ -108,7 +108,7 @@ def test_the_arrays_are_read_only_and_one_map_is_worked_out_once():
 )
 def test_what_is_no_map_is_refused_with_what_is_wrong(rows, named):
     with pytest.raises(ValueError, match=named) as error:
-        site_of(rows)
+        floor_plan(rows)
     assert "\n" not in str(error.value)
 
 
@@ -120,7 +120,7 @@ drawings = st.integers(2, 9).flatmap(
 @given(drawings)
 def test_the_region_is_that_of_a_search_and_none_is_larger(rows):
     try:
-        site = site_of(rows)
+        site = floor_plan(rows)
     except ValueError:
         free = [(c, r) for r, row in enumerate(rows) for c, one in enumerate(row) if one == "."]
         assert all(len(reached(rows, cell)) == 1 for cell in free)

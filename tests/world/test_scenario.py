@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from explore_bench.errors import RequestError
-from explore_bench.world.scenario import CHEN_2020, PAPER, Scenario
+from explore_bench.world.landmark.scenario import CHEN_2020, PAPER
+from explore_bench.world.scenario import Scenario
 
 NUMBERS = [name for name, field in Scenario.model_fields.items() if "float" in str(field.annotation)]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from explore_bench.errors import RequestError
+from explore_bench.world.landmark.scenario import CHEN_2020, PAPER
 from explore_bench.world.maps import gallery
-from explore_bench.world.scenario import CHEN_2020, PAPER, SCENARIOS
-from explore_bench.world.scenario_file import load_scenario
+from explore_bench.world.scenarios import SCENARIOS, load_scenario
 
 
 @pytest.fixture

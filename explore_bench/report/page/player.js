@@ -171,18 +171,26 @@
       const cx = (column(cell) + 0.5) * unit, cy = (row(cell) + 0.5) * unit;
       g.fillStyle = chosen ? colors.chosen : colors.candidate;
       disc(g, cx, cy, chosen ? Math.min(7, unit / 3) : Math.min(4.5, unit / 5));
-      if (chosen) {
-        g.strokeStyle = colors.chosen;
-        g.lineWidth = 1.2;
-        g.setLineDash([4, 4]);
-        g.beginPath();
-        g.moveTo(x, y);
-        g.lineTo(cx, cy);
-        g.stroke();
-        g.setLineDash([]);
-      }
+      if (chosen) way(g, x, y, cx, cy);
+    }
+    if (c.choice[k] < 0 && c.target_x[k] >= 0) {
+      const tx = px(c.target_x[k]), ty = py(c.target_y[k]);
+      g.fillStyle = colors.chosen;
+      disc(g, tx, ty, Math.min(7, unit / 3));
+      way(g, x, y, tx, ty);
     }
     robot(g, x, y, -c.heading[step]);
+  }
+
+  function way(g, x, y, toX, toY) {
+    g.strokeStyle = colors.chosen;
+    g.lineWidth = 1.2;
+    g.setLineDash([4, 4]);
+    g.beginPath();
+    g.moveTo(x, y);
+    g.lineTo(toX, toY);
+    g.stroke();
+    g.setLineDash([]);
   }
 
   function disc(g, x, y, radius) {

@@ -89,9 +89,9 @@ def maps_figure(records: Sequence[TrialRecord]) -> Figure | None:
 def _draw_ways(axes: Axes, own: dict[str, TrialRecord]) -> None:
     """Draw the true map and the true trajectories of some strategies in it."""
     world = next(iter(own.values())).world
-    edge = world.cells * world.cell_size
+    edge = world.grid.columns * world.grid.resolution
     for cells, color in ((~world.counted, UNCOUNTED), (world.obstacles & world.counted, OBSTACLE)):
-        axes.add_patch(PathPatch(squares(cells, world.cell_size), facecolor=color, edgecolor="none"))
+        axes.add_patch(PathPatch(squares(cells, world.grid.resolution), facecolor=color, edgecolor="none"))
     for name in in_order(own):
         steps = own[name].steps
         style = "--" if entry_of(name).reference else "-"

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from explore_bench.analysis.training_curve import WINDOW, on_one_axis, training_curves
+from explore_bench.analysis.training_curve import CURVE_WINDOW, on_one_axis, training_curves
 from explore_bench.report.style import save_all, styled
 from explore_bench.strategies.registry import strategies
 
@@ -47,5 +47,5 @@ def _figure(curves: dict[str, list[pd.DataFrame]]) -> Figure:
         axes.set_xlim(left=0)
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))
-    figure.suptitle(f"Training, means over {WINDOW:,} steps; bands: lowest to highest of the seeds", fontsize=10)
+    figure.suptitle(f"Training, means over {CURVE_WINDOW:,} steps; bands: lowest to highest of the seeds", fontsize=10)
     return figure

@@ -12,12 +12,33 @@ border K. A corner is ordered (x, y, heading of the newest pose, then x, y of ea
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Elimination:
+    """The linearized graph with all poses but the newest eliminated.
+
+    Attributes
+    ----------
+    pivots, gains, borders, widths : of the eliminated poses, shapes (N − 1, 3, 3), (N − 1, 3, 3), (N − 1, 3, ≥ 2M)
+        and (N − 1,); a border holds nothing beyond its width.
+    corner : information of the newest pose and the landmarks, shape (3 + 2M, 3 + 2M).
+    corner_covariance : its inverse; the pose in its own frame.
+    """
+
+    pivots: Array
+    gains: Array
+    borders: Array
+    widths: NDArray[np.int64]
+    corner: Array
+    corner_covariance: Array
 
 
 @jit
@@ -73,6 +94,8 @@ def eliminate(
     """
     border = corner.shape[0] - 3
     block = np.empty((3, 3))
+    # landmarks come in the order of first sighting, so the poses up to one sighted none of the later ones: its border
+    # is zero beyond a width that only grows, and early poses of a long trajectory cost next to nothing
     width = 0
     for c in range(border):
         if corner[0, 3 + c] != 0.0 or corner[1, 3 + c] != 0.0 or corner[2, 3 + c] != 0.0:

@@ -9,10 +9,8 @@ import numpy as np
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose, compose, wrap_angle
-from explore_bench.world.scenario import Scenario
-
-Command = tuple[float, float]
-"""One motion command: turn in place by an angle [rad], or go straight by a length [m]; the other is 0."""
+from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.signals import Command
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +29,7 @@ class Driver:
     arrival_radius: float
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Driver:
+    def of(cls, scenario: LandmarkScenario) -> Driver:
         """Return the driver of a scenario."""
         return cls(scenario.step_length, math.radians(scenario.turn_threshold_deg), scenario.arrival_radius)
 

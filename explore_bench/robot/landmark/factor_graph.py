@@ -9,9 +9,8 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from explore_bench.geometry import Array, Pose, compose
-from explore_bench.robot.landmark.driver import Command
-from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import Scan
+from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.signals import Odometry, Sightings
 
 RELINEARIZE_THRESHOLD = 0.01
 """Change of a variable [m or rad] beyond which iSAM2 linearizes its factors anew, looked for at every update."""
@@ -26,19 +25,15 @@ class FactorGraph:
     Landmarks are numbered in the order of their first sighting; `landmark_ids` maps back to the sensor's ids.
     """
 
-    def __init__(self, scenario: Scenario, start: Pose) -> None:
+    def __init__(self, scenario: LandmarkScenario, start: Pose) -> None:
         self._start = start
         parameters = gtsam.ISAM2Params()
         parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
         parameters.relinearizeSkip = 1
         self._isam = gtsam.ISAM2(parameters)
-        heading = math.radians(scenario.heading_sigma_deg)
-        self._prior = _sigmas(
-            scenario.prior_sigma, scenario.prior_sigma, math.radians(scenario.prior_heading_sigma_deg)
-        )
-        self._straight = _sigmas(scenario.odometry_sigma, scenario.odometry_sigma, heading)
-        self._turn = _sigmas(scenario.turn_sigma, scenario.turn_sigma, heading)
-        self._sighting = _sigmas(math.radians(scenario.bearing_sigma_deg), scenario.range_sigma)
+        noise = scenario.noise
+        self._prior = _sigmas(noise.prior, noise.prior, noise.prior_heading)
+        self._sighting = _sigmas(noise.bearing, noise.range)
         self._number: dict[int, int] = {}
         self._steps = -1
         self._pose: Pose = start
@@ -52,8 +47,8 @@ class FactorGraph:
         """Numbers, by first sighting, of landmarks already in the graph."""
         return [self._number[int(i)] for i in ids]
 
-    def add(self, command: Command | None, scan: Scan) -> bool:
-        """Add a step: its odometry factor (the prior at the first, when `command` is None) and its sightings.
+    def add(self, odometry: Odometry | None, sightings: Sightings) -> bool:
+        """Add a step: its odometry factor (the prior at the first, where there is none) and its sightings.
 
         Returns whether estimates of earlier variables changed. Without a sighting the new pose is a leaf whose
         factor the estimate satisfies, so nothing else moves unless iSAM2 goes on to converge.
@@ -61,18 +56,16 @@ class FactorGraph:
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._steps += 1
         key = X(self._steps)
-        if command is None:
+        if odometry is None:
             guess = self._start
             graph.add(gtsam.PriorFactorPose2(key, gtsam.Pose2(*guess), self._prior))
         else:
-            turn, forward = command
-            guess = compose(self._pose, (forward, 0.0, turn))
-            motion = gtsam.Pose2(forward, 0.0, turn)
-            noise = self._straight if forward else self._turn
+            guess = compose(self._pose, odometry.motion)
+            motion, noise = gtsam.Pose2(*odometry.motion), _sigmas(*odometry.sigmas)
             graph.add(gtsam.BetweenFactorPose2(X(self._steps - 1), key, motion, noise))
         values.insert(key, gtsam.Pose2(*guess))
         for landmark, bearing, distance in zip(
-            scan.landmarks.tolist(), scan.bearings.tolist(), scan.ranges.tolist(), strict=True
+            sightings.landmarks.tolist(), sightings.bearings.tolist(), sightings.ranges.tolist(), strict=True
         ):
             number = self._number.get(landmark)
             if number is None:
@@ -82,7 +75,7 @@ class FactorGraph:
                 values.insert(L(number), point)
             graph.add(gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting))
         self._isam.update(graph, values)
-        return command is None or len(scan.landmarks) > 0 or self._has_moved(self._steps - 1)
+        return odometry is None or len(sightings.landmarks) > 0 or self._has_moved(self._steps - 1)
 
     def newest_pose(self) -> Pose:
         """Estimate of the newest pose."""

@@ -14,33 +14,6 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, between, wrap_angle
-from explore_bench.world.scenario import Scenario
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseModel:
-    """Standard deviations of the factors [m, rad]."""
-
-    prior: float
-    prior_heading: float
-    straight: float
-    turn: float
-    heading: float
-    bearing: float
-    range: float
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> NoiseModel:
-        """Return the noise of a scenario."""
-        return cls(
-            prior=scenario.prior_sigma,
-            prior_heading=math.radians(scenario.prior_heading_sigma_deg),
-            straight=scenario.odometry_sigma,
-            turn=scenario.turn_sigma,
-            heading=math.radians(scenario.heading_sigma_deg),
-            bearing=math.radians(scenario.bearing_sigma_deg),
-            range=scenario.range_sigma,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,25 +41,26 @@ class Linearization:
 def linearize_odometry(
     first: int,
     poses: Array,
-    commands: Array,
-    straight_sigma: float,
-    turn_sigma: float,
-    heading_sigma: float,
+    motions: Array,
+    sigmas: Array,
     odometry_from: Array,
     odometry_to: Array,
 ) -> None:
-    """Fill the blocks of the odometry factors from row `first` to the newest pose."""
+    """Fill the blocks of the odometry factors from row `first` to the newest pose.
+
+    `motions` and `sigmas`, shape (N − 1, 3) each, are those of the `Odometry` between poses k and k + 1.
+    """
     ad = np.zeros((3, 3))
     for k in range(first, poses.shape[0] - 1):
-        turn, forward = commands[k, 0], commands[k, 1]
         x, y, angle = between(
             (poses[k, 0], poses[k, 1], poses[k, 2]), (poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2])
         )
-        # E = z⁻¹ · h with z = (forward, 0, turn): its logarithm (u, v, w), and the derivative of the logarithm,
+        # E = z⁻¹ · h with the motion z: its logarithm (u, v, w), and the derivative of the logarithm,
         # I + ad/2 + c ad², since ad³ = −w² ad in SE(2).
-        c, s = math.cos(turn), math.sin(turn)
-        tx, ty = c * (x - forward) + s * y, c * y - s * (x - forward)
-        w = wrap_angle(angle - turn)
+        c, s = math.cos(motions[k, 2]), math.sin(motions[k, 2])
+        tx = c * (x - motions[k, 0]) + s * (y - motions[k, 1])
+        ty = c * (y - motions[k, 1]) - s * (x - motions[k, 0])
+        w = wrap_angle(angle - motions[k, 2])
         if abs(w) < 1e-4:
             half_cot = 1.0 - w * w / 12.0
             series = 1.0 / 12.0 + w * w / 720.0
@@ -96,9 +70,8 @@ def linearize_odometry(
         u, v = half_cot * tx + 0.5 * w * ty, half_cot * ty - 0.5 * w * tx
         ad[0, 1], ad[0, 2] = -w, v
         ad[1, 0], ad[1, 2] = w, -u
-        translation = 1.0 / (straight_sigma if forward != 0.0 else turn_sigma)
         for i in range(3):
-            weight = translation if i < 2 else 1.0 / heading_sigma
+            weight = 1.0 / sigmas[k, i]
             for j in range(3):
                 square = ad[i, 0] * ad[0, j] + ad[i, 1] * ad[1, j]
                 value = (1.0 if i == j else 0.0) + 0.5 * ad[i, j] + series * square

@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.geometry import Array
-from explore_bench.robot.belief import Elimination
-from explore_bench.robot.landmark.block_arrow import add_sightings, eliminate, invert_corner, recover, to_world
-from explore_bench.robot.landmark.driver import Command
-from explore_bench.robot.landmark.linearization import (
-    Linearization,
-    NoiseModel,
-    linearize_odometry,
-    linearize_sightings,
+from explore_bench.robot.landmark.block_arrow import (
+    Elimination,
+    add_sightings,
+    eliminate,
+    invert_corner,
+    recover,
+    to_world,
 )
+from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
 from explore_bench.robot.landmark.rows import Rows
-from explore_bench.world.scenario import Scenario
+from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.signals import Odometry
 
 
 class Marginals:
@@ -26,10 +27,10 @@ class Marginals:
     covariance changes. Both are exact for the graph linearized at the estimates given.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        noise = self._noise = NoiseModel.of(scenario)
+    def __init__(self, scenario: LandmarkScenario) -> None:
+        noise = self._noise = scenario.noise
         self._prior = np.diag(1.0 / np.array([noise.prior, noise.prior, noise.prior_heading]))
-        self._commands = Rows((2,))
+        self._motions, self._sigmas = Rows((3,)), Rows((3,))
         self._odometry_from, self._odometry_to = Rows((3, 3)), Rows((3, 3))
         self._sighting_poses, self._sighting_landmarks = Rows((), np.int64), Rows((), np.int64)
         self._of_pose, self._of_landmark = Rows((2, 3)), Rows((2, 2))
@@ -50,12 +51,13 @@ class Marginals:
         blocks = self._corner_covariance[3:, 3:].reshape(count, 2, count, 2)
         return np.ascontiguousarray(np.einsum("iaib->iab", blocks))
 
-    def add(self, command: Command | None, landmarks: list[int]) -> None:
-        """Add the factors of one step: its command (None at the start) and the landmarks it sighted."""
+    def add(self, odometry: Odometry | None, landmarks: list[int]) -> None:
+        """Add the factors of one step: its odometry (None at the start) and the landmarks it sighted."""
         pose = len(self._covariances)
         self._covariances.resize(pose + 1)
-        if command is not None:
-            self._commands.append(command)
+        if odometry is not None:
+            self._motions.append(odometry.motion)
+            self._sigmas.append(odometry.sigmas)
             for rows in (self._odometry_from, self._odometry_to, self._pivots, self._gains):
                 rows.resize(pose)
             self._borders.resize(pose)
@@ -146,14 +148,11 @@ class Marginals:
         )
 
     def _linearize_odometry(self, first: int, poses: Array) -> None:
-        noise = self._noise
         linearize_odometry(
             first,
             poses,
-            self._commands.view,
-            noise.straight,
-            noise.turn,
-            noise.heading,
+            self._motions.view,
+            self._sigmas.view,
             self._odometry_from.view,
             self._odometry_to.view,
         )

@@ -6,30 +6,22 @@ leaves all but the newest pose as it was, and each part is extended by that pose
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose
-from explore_bench.robot.belief import Belief
-from explore_bench.robot.landmark.driver import Command
+from explore_bench.robot.belief import Belief, peak_traces
 from explore_bench.robot.landmark.factor_graph import FactorGraph
+from explore_bench.robot.landmark.graph import LandmarkGraph
 from explore_bench.robot.landmark.marginals import Marginals
 from explore_bench.robot.landmark.rows import Rows
+from explore_bench.robot.lap import Lap, no_lap
 from explore_bench.robot.occupancy import OccupancyMap
 from explore_bench.robot.virtual_map import NOTHING_HIDDEN, VirtualMap, key_poses
-from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import Scan
-
-Lap = Callable[[str], None]
-"""Called with the name of a part of the step when that part is done; `perf` passes a stopwatch."""
-
-
-def no_lap(part: str) -> None:
-    """Time nothing."""
+from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.signals import Odometry, Patch, Scan
 
 
 class Smoother:
@@ -41,7 +33,7 @@ class Smoother:
     virtual_map, occupancy : maps as functions of the estimates.
     """
 
-    def __init__(self, scenario: Scenario, start: Pose, lap: Lap = no_lap) -> None:
+    def __init__(self, scenario: LandmarkScenario, start: Pose, lap: Lap = no_lap) -> None:
         self.scenario = scenario
         self._lap = lap
         self._graph = FactorGraph(scenario, start)
@@ -54,9 +46,9 @@ class Smoother:
         self.virtual_map = VirtualMap(scenario)
         self.occupancy = OccupancyMap(scenario)
 
-    def update(self, command: Command | None, scan: Scan) -> None:
-        """Take in one step: the command carried out (None at the start) and the scan taken after it."""
-        moved = self._graph.add(command, scan)
+    def update(self, odometry: Odometry | None, scan: Scan) -> None:
+        """Take in one step: the odometry of it (None at the start) and the scan taken after it."""
+        moved = self._graph.add(odometry, scan.sightings)
         self._lap("isam2")
         if moved:
             poses, self.landmarks = self._graph.estimate()
@@ -65,13 +57,13 @@ class Smoother:
         else:
             self._poses.append(self._graph.newest_pose())
         self._lap("estimate")
-        self._marginals.add(command, self._graph.numbers(scan.landmarks))
+        self._marginals.add(odometry, self._graph.numbers(scan.sightings.landmarks))
         if moved:
             self._marginals.solve(self.poses, self.landmarks)
         else:
             self._marginals.extend(self.poses)
         self._lap("covariances")
-        self._keep(scan)
+        self._keep(scan.view)
         first = 0 if moved else len(self.poses) - 1
         if moved:
             self.virtual_map.clear()
@@ -80,7 +72,7 @@ class Smoother:
         self._fuse(first)
         self._lap("virtual map")
         self.occupancy.place(self.poses[first:], self._scans[0][first:], self._scans[1][first:])
-        self._peak = _peak_traces(self.pose_covariances[first:], *self._peak)
+        self._peak = peak_traces(self.pose_covariances[first:], *self._peak)
         self._lap("occupancy")
 
     @property
@@ -111,7 +103,7 @@ class Smoother:
 
     def belief(self) -> Belief:
         """Freeze what is known; later updates leave it untouched."""
-        n = self.scenario.cells
+        shape = self.scenario.grid.shape
         belief = Belief(
             scenario=self.scenario,
             poses=self.poses.copy(),
@@ -119,21 +111,21 @@ class Smoother:
             landmarks=self.landmarks.copy(),
             landmark_covariances=self.landmark_covariances.copy(),
             landmark_ids=np.array(self._graph.landmark_ids, dtype=np.int64),
-            occupancy=self.occupancy.probability.reshape(n, n),
-            known=self.occupancy.known.copy().reshape(n, n),
-            virtual_map=self.virtual_map.grid.copy().reshape(n, n, 3),
+            occupancy=self.occupancy.probability.reshape(shape),
+            known=self.occupancy.known.copy().reshape(shape),
+            virtual_map=self.virtual_map.covariances.copy().reshape(*shape, 3),
             uncertainty=self.virtual_map.uncertainty,
-            linearization=self._marginals.linearization(),
-            elimination=self._marginals.elimination(),
+            peak_trace=self._peak[0],
+            graph=LandmarkGraph(self._marginals.linearization(), self._marginals.elimination()),
         )
         _freeze(belief)
         return belief
 
-    def _keep(self, scan: Scan) -> None:
+    def _keep(self, patch: Patch) -> None:
         if self._patches is None:
-            self._patches = Rows(scan.patch.shape, np.uint8)
-        self._patches.append(scan.patch)
-        self._origins.append((*scan.origin, scan.heading))
+            self._patches = Rows(patch.cells.shape, np.uint8)
+        self._patches.append(patch.cells)
+        self._origins.append((*patch.origin, patch.heading))
 
     @property
     def _scans(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -146,15 +138,6 @@ class Smoother:
         if self.scenario.occlusion:
             scans = self._scans[0][first:], self._scans[1][first:]
         self.virtual_map.fuse(self.poses[first:], self.pose_covariances[first:], used, scans)
-
-
-@jit
-def _peak_traces(covariances: Array, full: float, position: float) -> tuple[float, float]:
-    for i in range(covariances.shape[0]):
-        block = covariances[i, 0, 0] + covariances[i, 1, 1]
-        position = max(position, block)
-        full = max(full, block + covariances[i, 2, 2])
-    return full, position
 
 
 def _freeze(value: object) -> None:

@@ -20,7 +20,7 @@ def shortest_path(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArr
 
     Parameters
     ----------
-    free : whether a cell may be driven through, shape (n, n). The start's own cell never blocks.
+    free : whether a cell may be driven through, shape (rows, columns). The start's own cell never blocks.
     start, goal : cells.
 
     Returns
@@ -30,34 +30,34 @@ def shortest_path(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArr
 
     Raises
     ------
-    ValueError : for a grid that is not square, or a cell that is not on it.
+    ValueError : for a grid without two axes, or a cell that is not on it.
     """
-    if free.ndim != 2 or free.shape[0] != free.shape[1] or not (0 <= start < free.size and 0 <= goal < free.size):
-        raise ValueError(f"no cells {start} and {goal} on a square grid of shape {free.shape}")
+    if free.ndim != 2 or not (0 <= start < free.size and 0 <= goal < free.size):
+        raise ValueError(f"no cells {start} and {goal} on a grid of shape {free.shape}")
     return _astar(np.ascontiguousarray(free), start, goal)
 
 
 @jit
-def _octile(cell: int, goal: int, n: int) -> float:
+def _octile(cell: int, goal: int, columns: int) -> float:
     """Length of the shortest path on an empty grid: never too long, so A* is exact. 0 where there is no goal."""
     if goal < 0:
         return 0.0
-    rows, columns = abs(cell // n - goal // n), abs(cell % n - goal % n)
-    return max(rows, columns) + (SQRT2 - 1.0) * min(rows, columns)
+    up, along = abs(cell // columns - goal // columns), abs(cell % columns - goal % columns)
+    return max(up, along) + (SQRT2 - 1.0) * min(up, along)
 
 
 @jit
 def may_step(free: NDArray[np.bool_], row: int, column: int, direction: int, start: int) -> int:
     """Cell reached from (row, column) by one of the 8 directions, or −1 where the step is not allowed."""
-    n = free.shape[0]
+    rows, columns = free.shape
     to_row, to_column = row + _ROW_STEPS[direction], column + _COLUMN_STEPS[direction]
-    if not (0 <= to_row < n and 0 <= to_column < n):
+    if not (0 <= to_row < rows and 0 <= to_column < columns):
         return -1
-    cell = to_row * n + to_column
+    cell = to_row * columns + to_column
     if not (free[to_row, to_column] or cell == start):
         return -1
     if direction >= 4:
-        beside, across = row * n + to_column, to_row * n + column
+        beside, across = row * columns + to_column, to_row * columns + column
         if not (free[row, to_column] or beside == start) or not (free[to_row, column] or across == start):
             return -1
     return cell
@@ -65,14 +65,14 @@ def may_step(free: NDArray[np.bool_], row: int, column: int, direction: int, sta
 
 @jit
 def _astar(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.int64], float]:
-    cost, parent = search(free, start, goal)
+    cost, parent = search_grid(free, start, goal)
     if cost[goal] == np.inf:
         return np.empty(0, dtype=np.int64), np.inf
-    return trace(parent, goal), cost[goal]
+    return trace_path(parent, goal), cost[goal]
 
 
 @jit
-def trace(parent: NDArray[np.int64], goal: int) -> NDArray[np.int64]:
+def trace_path(parent: NDArray[np.int64], goal: int) -> NDArray[np.int64]:
     """Cells from the start of a search to a cell that it reached, shape (P,)."""
     length = 1
     cell = goal
@@ -88,19 +88,19 @@ def trace(parent: NDArray[np.int64], goal: int) -> NDArray[np.int64]:
 
 
 @jit
-def search(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Cost [cell edges] and parent of every cell, shape (n²,): exact up to the goal, for all cells if goal < 0.
+def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cost [cell edges] and parent of every cell, shape (rows · columns,): exact up to the goal, for all if goal < 0.
 
     A cell that was not reached has an infinite cost; the start has no parent (−1).
     """
-    n = free.shape[0]
-    cost = np.full(n * n, np.inf)
-    parent = np.full(n * n, -1, dtype=np.int64)
-    closed = np.zeros(n * n, dtype=np.bool_)
-    heap_key = np.empty(8 * n * n + 1)
-    heap_cell = np.empty(8 * n * n + 1, dtype=np.int64)
+    columns, cells = free.shape[1], free.size
+    cost = np.full(cells, np.inf)
+    parent = np.full(cells, -1, dtype=np.int64)
+    closed = np.zeros(cells, dtype=np.bool_)
+    heap_key = np.empty(8 * cells + 1)
+    heap_cell = np.empty(8 * cells + 1, dtype=np.int64)
     cost[start] = 0.0
-    heap_key[0], heap_cell[0] = _octile(start, goal, n), start
+    heap_key[0], heap_cell[0] = _octile(start, goal, columns), start
     size = 1
     while size > 0:
         cell = heap_cell[0]
@@ -111,7 +111,7 @@ def search(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.f
         closed[cell] = True
         if cell == goal:
             break
-        row, column = cell // n, cell % n
+        row, column = cell // columns, cell % columns
         for direction in range(8):
             neighbour = may_step(free, row, column, direction, start)
             if neighbour < 0 or closed[neighbour]:
@@ -120,7 +120,7 @@ def search(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.f
             if through < cost[neighbour] - 1e-12:
                 cost[neighbour] = through
                 parent[neighbour] = cell
-                _push(heap_key, heap_cell, size, through + _octile(neighbour, goal, n), neighbour)
+                _push(heap_key, heap_cell, size, through + _octile(neighbour, goal, columns), neighbour)
                 size += 1
     return cost, parent
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from explore_bench.runs.conformance.answers import Answers
+from explore_bench.runs.conformance.answers import Answers, Stray
 from explore_bench.runs.conformance.apart import TOURS
 from explore_bench.runs.conformance.evidence import Evidence
 from explore_bench.runs.conformance.tours import ORDINARY, Tour
@@ -45,12 +45,12 @@ def chooses(evidence: Evidence) -> str:
 
 
 def integer(evidence: Evidence) -> str:
-    """All answers on ordinary maps were integers."""
+    """All answers on ordinary maps were integers or targets."""
     return _integers(_answers(evidence, ORDINARY))
 
 
 def in_range(evidence: Evidence) -> str:
-    """All answers on ordinary maps were indices of candidates."""
+    """All answers on ordinary maps were indices of candidates or targets within reach."""
     return _indices(_answers(evidence, ORDINARY))
 
 
@@ -106,4 +106,6 @@ def _indices(answers: dict[Tour, Answers]) -> str:
         for decision, (answer, count) in enumerate(zip(own.given, own.counts, strict=False)):
             if isinstance(answer, int) and not 0 <= answer < count:
                 raise BrokenError(f"{tour.name}, decision {decision}: it answered {answer} of {count} candidates")
+            if isinstance(answer, Stray):
+                raise BrokenError(f"{tour.name}, decision {decision}: {answer.reason}")
     return ""

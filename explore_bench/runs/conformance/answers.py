@@ -16,13 +16,25 @@ from explore_bench.runs.conformance.chance import watched
 from explore_bench.runs.conformance.digest import changed_part, digests
 from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import Tour, observations
-from explore_bench.strategies.contract import Observation
+from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.containment import OutOfTime, time_limit
+from explore_bench.trial.explorer import ChoiceError, checked
 from explore_bench.trial.rollout import rollout
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 
 ELSEWHERE = 1000
 """How far the number of the trial that goes on around a tour is from the tour's own."""
+
+
+@dataclass(frozen=True)
+class Stray:
+    """A target to which no robot can drive, and why not."""
+
+    reason: str
+
+
+Answer = int | Target | Stray | str
+"""An index, a target, one that cannot be reached, or in words what else it was."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +43,7 @@ class Answers:
 
     Attributes
     ----------
-    given : each answer: an index, or in words what else it was.
+    given : each answer.
     counts : number of candidates at each decision of the tour.
     error : what it did instead of the next answer; empty where it answered to the end.
     late : whether that was for want of time.
@@ -39,7 +51,7 @@ class Answers:
     drawn : modules from whose global generator it drew.
     """
 
-    given: tuple[int | str, ...]
+    given: tuple[Answer, ...]
     counts: tuple[int, ...]
     error: str
     late: bool
@@ -68,7 +80,7 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     spec = subject.spec(replace(tour, trial=tour.trial + ELSEWHERE))
     world = draw_world(spec.scenario, spec.generator("world"))
     events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"))
-    given: list[int | str] = []
+    given: list[Answer] = []
     drawn: list[str] = []
     error, late, own = "", False, os.getpid()
     try:
@@ -95,11 +107,20 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     return Answers(tuple(given), counts, error, late, modified, tuple(drawn))
 
 
-def _ask(events: Generator[Any, Any, Any], strategy: Any, shown: tuple[Observation, ...], given: list[Any]) -> None:
+def _ask(events: Generator[Any, Any, Any], strategy: Any, shown: tuple[Observation, ...], given: list[Answer]) -> None:
     """Ask for a choice at each observation, while the rollout around it waits for one, too."""
     while not isinstance(next(events), Observation):
         pass
     for observation in shown:
-        answer = strategy.choose(observation)
-        is_index = isinstance(answer, int | np.integer) and not isinstance(answer, bool | np.bool_)
-        given.append(int(answer) if is_index else f"{' '.join(repr(answer).split())} of type {type(answer).__name__}")
+        given.append(_answer(strategy.choose(observation), observation))  # noqa: PERF401  (kept where it raises)
+
+
+def _answer(answer: object, observation: Observation) -> Answer:
+    if isinstance(answer, Target):
+        try:
+            return checked(answer, len(observation.candidates), observation.roads)  # the place in plain numbers
+        except ChoiceError as error:
+            return Stray(str(error))
+    if isinstance(answer, int | np.integer) and not isinstance(answer, bool | np.bool_):
+        return int(answer)
+    return f"{' '.join(repr(answer).split())} of type {type(answer).__name__}"

@@ -7,7 +7,7 @@ import pickle
 import select
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +19,7 @@ from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour
 from explore_bench.runs.runner import execute
+from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import StrategyError, check_methods
 from explore_bench.trial.containment import OutOfTime, time_limit
 from explore_bench.trial.run import run_trial
@@ -36,7 +37,7 @@ class Played:
 
     status: Status
     reason: str
-    choices: tuple[int, ...]
+    choices: tuple[int | Target, ...]
     late: bool = False
     slowest: float = 0.0
     seconds: float = 0.0
@@ -137,10 +138,17 @@ def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
         yield "tours", tour, play(subject, tour)
     for tour in TRIALS:
         result = run_trial(subject.spec(tour), subject.timeout)
-        choices = tuple(made.choice for made in result.snapshots.values() if made.choice is not None)
+        answers = ((made.choice, made.target) for made in result.snapshots.values() if made.candidates is not None)
+        choices = _choices(answers)
         slowest = max(result.decision_seconds, default=0.0)
         late = result.transient and result.seconds >= subject.timeout
         yield "trials", tour, Played(result.status, result.reason, choices, late, slowest, result.seconds)
+
+
+def _choices(answers: Iterable[tuple[int | None, Sequence[float] | None]]) -> tuple[int | Target, ...]:
+    """What was chosen, from the index or the target of each decision."""
+    chosen = (Target((target[0], target[1])) if target else choice for choice, target in answers)
+    return tuple(one for one in chosen if one is not None)
 
 
 def _refusal(subject: Subject) -> str:
@@ -171,6 +179,7 @@ def run_in_workers(subject: Subject) -> dict[Tour, Played]:
         specs = {subject.spec(tour).trial: tour for tour in TRIALS}
         assert len(specs) == len(TRIALS)
         for outcome in execute([subject.spec(tour) for tour in TRIALS], store, len(TRIALS), timeout=subject.timeout):
-            choices = [choice for choice in store.replay(outcome.spec).choices if choice is not None]
-            found[specs[outcome.spec.trial]] = Played(outcome.status, outcome.reason, tuple(choices))
+            replay = store.replay(outcome.spec)
+            choices = _choices(zip(replay.choices, replay.targets, strict=True))
+            found[specs[outcome.spec.trial]] = Played(outcome.status, outcome.reason, choices)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.evidence import Evidence
@@ -83,7 +84,7 @@ def _alike(tour: Tour, first: Answers, second: Answers, when: str) -> None:
         raise BrokenError(f"{tour.name}, {_otherwise(one, other)} {when}")
 
 
-def _otherwise(one: tuple[int | str, ...], other: tuple[int | str, ...]) -> str:
+def _otherwise(one: tuple[Any, ...], other: tuple[Any, ...]) -> str:
     """Say in what two sequences of answers differ first."""
     same = next((i for i, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]), None)
     decision = min(len(one), len(other)) if same is None else same

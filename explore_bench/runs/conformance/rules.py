@@ -42,10 +42,10 @@ RULES = (
     Rule("made", "It can be imported and made, and has the methods reset and choose.", answering.made),
     Rule("in-time", "It decides within the time limit.", answering.in_time, ("made",)),
     Rule("chooses", "It chooses at every decision.", answering.chooses, ("in-time",)),
-    Rule("integer", "It answers an integer: no bool, no float, no None.", answering.integer, ("chooses",)),
+    Rule("integer", "It answers an integer, or a Target: no bool, no float, no None.", answering.integer, ("chooses",)),
     Rule(
         "in-range",
-        "It answers the index of a candidate: 0 or more, less than their number.",
+        "It answers the index of a candidate, 0 or more and less than their number, or a Target that can be reached.",
         answering.in_range,
         ("integer",),
     ),

@@ -11,11 +11,11 @@ from functools import cache
 import numpy as np
 
 from explore_bench.geometry import Pose
-from explore_bench.strategies.contract import Observation
+from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.seeding import Role, stream
-from explore_bench.world.landmark.world import World, draw_world
-from explore_bench.world.scenario import PAPER, Scenario
+from explore_bench.world.landmark.scenario import PAPER, LandmarkScenario
+from explore_bench.world.landmark.world import LandmarkWorld
 
 
 @dataclass(frozen=True)
@@ -32,19 +32,19 @@ class Tour:
     """
 
     name: str
-    scenario: Scenario
+    scenario: LandmarkScenario
     trial: int
     start: Pose | None = None
-    choices: tuple[int, ...] | None = None
+    choices: tuple[int | Target, ...] | None = None
     decisions: int = 1000
 
     def generator(self, role: Role) -> np.random.Generator:
         """Return the trial's stream of a role."""
         return stream("calibrate", 0, self.scenario.size, self.trial, role)
 
-    def world(self) -> World:
+    def world(self) -> LandmarkWorld:
         """Draw its world."""
-        drawn = draw_world(self.scenario, self.generator("world"))
+        drawn = LandmarkWorld.draw(self.scenario, self.generator("world"))
         return drawn if self.start is None else replace(drawn, start=self.start)
 
 
@@ -54,7 +54,7 @@ def observations(tour: Tour) -> tuple[Observation, ...]:
     shown: list[Observation] = []
     last = tour.decisions if tour.choices is None else len(tour.choices)
     events = rollout(tour.scenario, tour.world(), tour.generator("motion"), tour.generator("sensor"))
-    choice = None
+    choice: int | Target | None = None
     while len(shown) < last:
         try:
             event = events.send(choice)

@@ -12,7 +12,7 @@ from explore_bench.records.provenance import trial_key
 from explore_bench.records.shard import encode
 from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import Outcome, Status, TrialSpec
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 
 PROCESS_DIED = "its worker process died (killed, or out of memory)"
 
@@ -80,9 +80,8 @@ def _report(task: Task, result: TrialResult, seconds: float) -> Report:
 
 def warm_up(spec: TrialSpec) -> None:
     """Compile and cache the harness's kernels in this process, lest each worker compile its own."""
-    size = spec.scenario.cell_size * 5
-    tiny = spec.scenario.replace(map=None, size=size, landmark_count=2, obstacle_count=1, coverage=1.0)
-    run_trial(TrialSpec("warm-up", "explore_bench.runs.workers.task:WarmUp", tiny, trial=0, purpose="calibrate"))
+    task = "explore_bench.runs.workers.task:WarmUp"
+    run_trial(TrialSpec("warm-up", task, spec.scenario.tiny, trial=0, purpose="calibrate"))
 
 
 class WarmUp:
@@ -93,6 +92,4 @@ class WarmUp:
 
     def choose(self, observation: Any) -> int:
         """Predict along the first path, and take it."""
-        from explore_bench.robot.landmark.prediction import predict
-
-        return 0 * int(predict(observation.belief, observation.paths[0]).uncertainty)
+        return 0 * int(observation.belief.predict(observation.paths[0]).uncertainty + len(observation.reachable.cells))

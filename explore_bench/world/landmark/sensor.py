@@ -8,25 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Pose, wrap_angle
-from explore_bench.world.landmark.world import World
-from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import FREE, HIDDEN, OCCUPIED, Scan
+from explore_bench.geometry import Array, Grid, Pose, place_of, wrap_angle
+from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.signals import FREE, HIDDEN, OCCUPIED, Patch, Scan, Sightings
 
 
 class Sensor:
     """A 360° sensor of limited range that identifies landmarks and reads the cells around the robot."""
 
-    def __init__(self, scenario: Scenario, world: World, rng: np.random.Generator) -> None:
+    def __init__(self, scenario: LandmarkScenario, world: LandmarkWorld, rng: np.random.Generator) -> None:
         self._rng = rng
         self._landmarks = world.landmarks
         self._obstacles = world.obstacles
         self._buried = world.obstacles & ~world.counted
-        self._cell_size = world.cell_size
+        self._grid = world.grid
         self._range = scenario.sensor_range
         self._min_range = scenario.min_landmark_range
-        self._bearing_sigma = math.radians(scenario.bearing_sigma_deg)
-        self._range_sigma = scenario.range_sigma
+        self._bearing_sigma = scenario.noise.bearing
+        self._range_sigma = scenario.noise.range
         self._occlusion = scenario.occlusion
         self._reach = math.ceil(scenario.sensor_range / scenario.cell_size)
 
@@ -37,21 +37,21 @@ class Sensor:
             pose,
             self._landmarks,
             self._obstacles,
-            self._cell_size,
+            self._grid,
             self._min_range,
             self._range,
             self._occlusion,
         )
-        patch, origin_x, origin_y = _patch(pose, self._obstacles, self._cell_size, self._reach, self._occlusion)
+        patch, origin_x, origin_y = _patch(pose, self._obstacles, self._grid, self._reach, self._occlusion)
         if self._occlusion:
-            _show_corners(patch, pose, self._buried, self._cell_size)
+            _show_corners(patch, pose, self._buried, self._grid)
         return Scan(
-            landmarks=seen,
-            bearings=bearings + self._bearing_sigma * normals[seen, 0],
-            ranges=ranges + self._range_sigma * normals[seen, 1],
-            patch=patch,
-            origin=(origin_x, origin_y),
-            heading=pose[2],
+            Sightings(
+                landmarks=seen,
+                bearings=bearings + self._bearing_sigma * normals[seen, 0],
+                ranges=ranges + self._range_sigma * normals[seen, 1],
+            ),
+            Patch(cells=patch, origin=(origin_x, origin_y), heading=pose[2]),
         )
 
 
@@ -60,7 +60,7 @@ def _sight(
     pose: Pose,
     landmarks: Array,
     obstacles: NDArray[np.bool_],
-    cell_size: float,
+    grid: Grid,
     min_range: float,
     max_range: float,
     occlusion: bool,
@@ -75,7 +75,7 @@ def _sight(
         distance = math.hypot(dx, dy)
         if distance < min_range or distance > max_range:
             continue
-        if occlusion and not _clear(pose[0], pose[1], landmarks[j, 0], landmarks[j, 1], obstacles, cell_size):
+        if occlusion and not _clear(pose[0], pose[1], landmarks[j, 0], landmarks[j, 1], obstacles, grid):
             continue
         seen[k] = j
         bearings[k] = wrap_angle(math.atan2(dy, dx) - pose[2])
@@ -86,38 +86,38 @@ def _sight(
 
 @jit
 def _patch(
-    pose: Pose, obstacles: NDArray[np.bool_], cell_size: float, reach: int, occlusion: bool
+    pose: Pose, obstacles: NDArray[np.bool_], grid: Grid, reach: int, occlusion: bool
 ) -> tuple[NDArray[np.uint8], float, float]:
     """Cut the (2 reach + 1)² cells around the robot's own; points outside the map read occupied."""
-    n = obstacles.shape[0]
-    column0 = int(math.floor(pose[0] / cell_size)) - reach
-    row0 = int(math.floor(pose[1] / cell_size)) - reach
+    column0, row0 = place_of(grid, pose[0], pose[1])
+    column0, row0 = column0 - reach, row0 - reach
     side = 2 * reach + 1
     patch = np.empty((side, side), dtype=np.uint8)
     for i in range(side):
         for j in range(side):
             row, column = row0 + i, column0 + j
-            inside = 0 <= row < n and 0 <= column < n
+            inside = 0 <= row < grid.rows and 0 <= column < grid.columns
             patch[i, j] = FREE if inside and not obstacles[row, column] else OCCUPIED
             if occlusion:
-                x, y = (column + 0.5) * cell_size, (row + 0.5) * cell_size
-                if not _clear(pose[0], pose[1], x, y, obstacles, cell_size):
+                x, y = grid.x0 + (column + 0.5) * grid.resolution, grid.y0 + (row + 0.5) * grid.resolution
+                if not _clear(pose[0], pose[1], x, y, obstacles, grid):
                     patch[i, j] = HIDDEN
-    return patch, pose[0] - column0 * cell_size, pose[1] - row0 * cell_size
+    corner_x, corner_y = grid.x0 + column0 * grid.resolution, grid.y0 + row0 * grid.resolution
+    return patch, pose[0] - corner_x, pose[1] - corner_y
 
 
 @jit
-def _show_corners(patch: NDArray[np.uint8], pose: Pose, buried: NDArray[np.bool_], cell_size: float) -> None:
+def _show_corners(patch: NDArray[np.uint8], pose: Pose, buried: NDArray[np.bool_], grid: Grid) -> None:
     """Let a patch show the corners of walls: no ray meets a cell inside a wall, but two walls that meet are in sight.
 
-    A hidden cell of `buried`, shape (n, n), reads occupied where two seen obstacles share a side with it and with a
-    seen free cell: that one would stay a frontier for ever.
+    A hidden cell of `buried`, shape (rows, columns), reads occupied where two seen obstacles share a side with it and
+    with a seen free cell: that one would stay a frontier for ever.
     """
-    n, side = buried.shape[0], patch.shape[0]
-    column0 = int(math.floor(pose[0] / cell_size)) - side // 2
-    row0 = int(math.floor(pose[1] / cell_size)) - side // 2
-    for i in range(max(0, -row0), min(side, n - row0)):
-        for j in range(max(0, -column0), min(side, n - column0)):
+    side = patch.shape[0]
+    column0, row0 = place_of(grid, pose[0], pose[1])
+    column0, row0 = column0 - side // 2, row0 - side // 2
+    for i in range(max(0, -row0), min(side, grid.rows - row0)):
+        for j in range(max(0, -column0), min(side, grid.columns - column0)):
             if patch[i, j] == HIDDEN and buried[row0 + i, column0 + j] and _is_corner(patch, i, j):
                 patch[i, j] = OCCUPIED
 
@@ -135,20 +135,19 @@ def _is_corner(patch: NDArray[np.uint8], i: int, j: int) -> bool:
 
 
 @jit
-def _clear(x0: float, y0: float, x1: float, y1: float, obstacles: NDArray[np.bool_], cell_size: float) -> bool:
+def _clear(x0: float, y0: float, x1: float, y1: float, obstacles: NDArray[np.bool_], grid: Grid) -> bool:
     """Whether no obstacle lies between two points; the cells that hold the points themselves do not count.
 
     Walks the cells of the segment in order (Amanatides and Woo 1987).
     """
-    n = obstacles.shape[0]
-    column, row = int(math.floor(x0 / cell_size)), int(math.floor(y0 / cell_size))
-    last_column, last_row = int(math.floor(x1 / cell_size)), int(math.floor(y1 / cell_size))
+    column, row = place_of(grid, x0, y0)
+    last_column, last_row = place_of(grid, x1, y1)
     dx, dy = x1 - x0, y1 - y0
     step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-    next_x = ((column + (dx > 0)) * cell_size - x0) / dx if dx != 0.0 else np.inf
-    next_y = ((row + (dy > 0)) * cell_size - y0) / dy if dy != 0.0 else np.inf
-    delta_x = cell_size / abs(dx) if dx != 0.0 else np.inf
-    delta_y = cell_size / abs(dy) if dy != 0.0 else np.inf
+    next_x = (grid.x0 + (column + (dx > 0)) * grid.resolution - x0) / dx if dx != 0.0 else np.inf
+    next_y = (grid.y0 + (row + (dy > 0)) * grid.resolution - y0) / dy if dy != 0.0 else np.inf
+    delta_x = grid.resolution / abs(dx) if dx != 0.0 else np.inf
+    delta_y = grid.resolution / abs(dy) if dy != 0.0 else np.inf
     for _ in range(abs(last_column - column) + abs(last_row - row)):
         if next_x < next_y:
             column += step_x
@@ -158,6 +157,6 @@ def _clear(x0: float, y0: float, x1: float, y1: float, obstacles: NDArray[np.boo
             next_y += delta_y
         if column == last_column and row == last_row:
             return True
-        if 0 <= row < n and 0 <= column < n and obstacles[row, column]:
+        if 0 <= row < grid.rows and 0 <= column < grid.columns and obstacles[row, column]:
             return False
     return True

@@ -64,7 +64,7 @@ def check_pixels(width: int, height: int) -> None:
 
 
 def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
-    """Rows of text (see `site.site_of`) of a map in cells of an edge [m].
+    """Rows of text (see `floor_plan.floor_plan`) of a map in cells of an edge [m].
 
     Borders of cells lie at multiples of the cell size in the map's frame, and margins of which nothing is known are cut
     off, so one place gives the same cells however its image is cropped. A pixel belongs to the cell that holds its

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from slam_reference import PINNED, odometry_factor, sighting_factor
 
-from explore_bench.robot.landmark.linearization import NoiseModel, linearize_odometry, linearize_sightings
+from explore_bench.robot.landmark.linearization import linearize_odometry, linearize_sightings
+from explore_bench.world.landmark.noise import NoiseModel
 from explore_bench.world.scenario import Scenario
 
 SCENARIO = Scenario(**PINNED)

@@ -6,10 +6,10 @@ from PIL import Image
 
 from explore_bench.errors import RequestError
 from explore_bench.trial.seeding import stream
-from explore_bench.world.floor_plan import site_of
+from explore_bench.world.floor_plan import floor_plan
+from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.landmark.world import draw_world
 from explore_bench.world.maps import gallery, with_map
-from explore_bench.world.scenario import PAPER
 
 ROWS = ("####", "#..#", "#S.#", "####")
 
@@ -122,7 +122,7 @@ def test_the_gallery_holds_four_maps_of_20_cells_a_side():
 
 @pytest.mark.parametrize("name", gallery())
 def test_every_free_cell_of_the_gallery_can_be_reached(name):
-    site = site_of(gallery()[name])
+    site = floor_plan(gallery()[name])
     assert np.array_equal(site.reachable, ~site.blocked)
     assert site.reachable.sum() > 150
 

@@ -1,4 +1,7 @@
-"""Belief propagated along a path that the robot has not driven yet, with maximum-likelihood measurements ([25])."""
+"""The graph behind a belief, and the belief propagated along a way not driven yet, with measurements as expected.
+
+J. Wang, B. Englot, "Autonomous exploration with expectation-maximization", ISRR 2017 ([25]).
+"""
 
 from __future__ import annotations
 
@@ -6,20 +9,28 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Pose, centres, compose
-from explore_bench.robot.belief import Belief
-from explore_bench.robot.landmark.block_arrow import eliminate, invert_corner, recover
+from explore_bench.geometry import Array, Pose, compose
+from explore_bench.robot.belief import Belief, peak_traces
+from explore_bench.robot.landmark.block_arrow import Elimination, eliminate, invert_corner, recover
 from explore_bench.robot.landmark.driver import Driver
-from explore_bench.robot.landmark.linearization import NoiseModel, linearize_odometry, linearize_sightings
-from explore_bench.robot.virtual_map import NOTHING_HIDDEN, constants_of, fuse_poses, key_poses, uncertainty
+from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
+from explore_bench.robot.virtual_map import (
+    NOTHING_HIDDEN,
+    constants_of,
+    fuse_poses,
+    key_poses,
+    prior_of,
+    uncertainty,
+)
+from explore_bench.world.landmark.scenario import LandmarkScenario
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """What the belief would become at the end of a path, if every measurement came out as expected.
+class LandmarkPrediction:
+    """A `Prediction` in a landmark world.
 
     The graph is extended by the steps of the path and by a sighting of every known landmark within range of each,
     and solved exactly: covariances of past poses and of landmarks change as they would.
@@ -41,59 +52,81 @@ class Prediction:
 
     @cached_property
     def virtual_map(self) -> Array:
-        """Covariance (xx, xy, yy) of every virtual landmark at the end, shape (n, n, 3).
+        """Covariance (xx, xy, yy) of every virtual landmark at the end, shape (rows, columns, 3).
 
         On the way nothing hides a cell. Where obstacles occlude, cells keep at least the covariance that they have:
         which past pose saw which of them is not part of a belief.
         """
         belief = self.belief
-        scenario, past = belief.scenario, len(belief.poses)
+        scenario, past = _physics(belief), len(belief.poses)
         trajectory = np.concatenate((belief.poses, self.poses))
         used = key_poses(trajectory, scenario.key_pose_spacing)
-        grid = belief.virtual_map.reshape(-1, 3).copy()
-        prior = np.array([1.0, 0.0, 1.0]) * scenario.virtual_sigma**2
-        seen = np.any(grid != prior, axis=1)
+        virtual = belief.virtual_map.reshape(-1, 3).copy()
+        prior = prior_of(scenario)
+        seen = np.any(virtual != prior, axis=1)
         first = past
         if self.sightings and not scenario.occlusion:  # past covariances changed: their cells change as well
-            grid[:] = prior
+            virtual[:] = prior
             seen[:] = False
             first = 0
         fuse_poses(
-            grid,
+            virtual,
             seen,
             trajectory[first:],
             self.pose_covariances[first:],
             used[first:],
+            scenario.grid,
             constants_of(scenario),
             *NOTHING_HIDDEN,
         )
-        return grid.reshape(belief.virtual_map.shape)
+        return virtual.reshape(belief.virtual_map.shape)
 
     @cached_property
     def uncertainty(self) -> float:
         """U of Eq. 1 at the end of the path [m²]."""
         return uncertainty(self.virtual_map.reshape(-1, 3))
 
+    @cached_property
+    def peak_trace(self) -> float:
+        """Largest tr Σ (3 × 3) of the trajectory at the end [m² + rad²]."""
+        return peak_traces(self.pose_covariances)[0]
 
-def predict(belief: Belief, path: ArrayLike) -> Prediction:
-    """Propagate the belief exactly along a path.
 
-    Parameters
+@dataclass(frozen=True, slots=True)
+class LandmarkGraph:
+    """The factor graph behind a belief.
+
+    Attributes
     ----------
-    belief : where to start from.
-    path : cells to drive through, shape (P,), as in `Observation.paths`; the first may be the robot's own.
+    linearization : Jacobian blocks of the graph at the belief's estimates.
+    elimination : the same graph eliminated up to the newest pose, from which a prediction goes on.
     """
+
+    linearization: Linearization
+    elimination: Elimination
+
+    def predict(self, belief: Belief, places: Array) -> LandmarkPrediction:
+        """Propagate the belief exactly along places [m] to drive through in order, shape (P, 2)."""
+        return _predict(belief, self.elimination, places)
+
+
+def _physics(belief: Belief) -> LandmarkScenario:
     scenario = belief.scenario
-    cells = np.asarray(path, dtype=np.int64)
-    waypoints = centres(cells, scenario.cells, scenario.cell_size)
-    commands = Driver.of(scenario).follow(belief.pose, waypoints[1:] if len(waypoints) > 1 else waypoints)
+    assert isinstance(scenario, LandmarkScenario)
+    return scenario
+
+
+def _predict(belief: Belief, done: Elimination, places: Array) -> LandmarkPrediction:
+    scenario = _physics(belief)
+    commands = Driver.of(scenario).follow(belief.pose, places)
     past, added, count = len(belief.poses), len(commands), len(belief.landmarks)
-    noise = NoiseModel.of(scenario)
+    noise = scenario.noise
     poses, sighting_poses, sighting_landmarks = _roll_out(
         belief.pose, commands, belief.landmarks.copy(), scenario.min_landmark_range, scenario.sensor_range
     )
     odometry_from, odometry_to = np.empty((added, 3, 3)), np.empty((added, 3, 3))
-    linearize_odometry(0, poses, commands, noise.straight, noise.turn, noise.heading, odometry_from, odometry_to)
+    motions, sigmas = noise.odometries(commands)
+    linearize_odometry(0, poses, motions, sigmas, odometry_from, odometry_to)
     of_pose, of_landmark = np.empty((len(sighting_poses), 2, 3)), np.empty((len(sighting_poses), 2, 2))
     linearize_sightings(
         0,
@@ -106,7 +139,6 @@ def predict(belief: Belief, path: ArrayLike) -> Prediction:
         of_pose,
         of_landmark,
     )
-    done = belief.elimination
     corner = done.corner.copy()
     pivots, gains = np.empty((added, 3, 3)), np.empty((added, 3, 3))
     borders, widths = np.empty((added, 3, 2 * count)), np.empty(added, dtype=np.int64)
@@ -144,7 +176,7 @@ def predict(belief: Belief, path: ArrayLike) -> Prediction:
         covariances[kept:],
     )
     blocks = corner_covariance[3:, 3:].reshape(count, 2, count, 2)
-    return Prediction(
+    return LandmarkPrediction(
         belief=belief,
         poses=poses[1:],
         sightings=len(sighting_poses),

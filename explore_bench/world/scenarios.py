@@ -7,8 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, unknown
+from explore_bench.world.landmark.scenario import CHEN_2020, PAPER
 from explore_bench.world.maps import gallery, with_map
-from explore_bench.world.scenario import SCENARIOS, Scenario
+from explore_bench.world.scenario import Scenario
+
+SCENARIOS: dict[str, tuple[Scenario, str]] = {
+    "paper": (PAPER, "Zhang et al. 2021, §4.1; what it leaves out is calibrated against its Table 2"),
+    "chen2020": (
+        CHEN_2020,
+        "Chen et al. 2020 [8]: 40 m, 6 m range, 8 landmarks, no obstacles, 2 m steps, 85 %",
+    ),
+}
 
 
 def load_scenario(name_or_file: str) -> Scenario:

@@ -1,0 +1,66 @@
+"""Where the robot could drive from where it is, beyond the candidates: computed when a strategy asks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.geometry import Array, Grid
+from explore_bench.robot.planning.astar import search_grid, trace_path
+
+
+class Reachable(NamedTuple):
+    """Cells that can be reached, and how far each is.
+
+    Attributes
+    ----------
+    cells : ascending, without the robot's own, shape (R,).
+    lengths : length of the drive to each [m], shape (R,).
+    """
+
+    cells: NDArray[np.int64]
+    lengths: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Roads:
+    """The cells that the robot drives through, and where it is. Drives are 8-connected and cut no corner.
+
+    Attributes
+    ----------
+    grid : of the cells.
+    free : cells that may be driven through, shape (rows, columns), read-only: those from which the candidates' paths
+        were made.
+    start : the robot's own cell, which never blocks.
+    """
+
+    grid: Grid
+    free: NDArray[np.bool_]
+    start: int
+
+    def __post_init__(self) -> None:
+        self.free.setflags(write=False)
+
+    @cached_property
+    def _searched(self) -> tuple[Array, NDArray[np.int64]]:
+        return search_grid(self.free, self.start, -1)
+
+    @cached_property
+    def reachable(self) -> Reachable:
+        """All cells that can be reached, the robot's own aside."""
+        cost = self._searched[0].copy()
+        cost[self.start] = np.inf
+        cells = np.flatnonzero(np.isfinite(cost))
+        lengths = cost[cells] * self.grid.resolution
+        cells.setflags(write=False)
+        lengths.setflags(write=False)
+        return Reachable(cells, lengths)
+
+    def path_to(self, cell: int) -> NDArray[np.int64]:
+        """Cells of the shortest drive from the robot's own to another, shape (P,); none where it cannot be reached."""
+        cost, parent = self._searched
+        return trace_path(parent, cell) if np.isfinite(cost[cell]) else np.empty(0, dtype=np.int64)

@@ -1,0 +1,141 @@
+"""What the simulation loop needs of a robot in a world, whatever their kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from explore_bench.geometry import cell_of
+from explore_bench.robot.belief import Belief
+from explore_bench.robot.lap import Lap
+from explore_bench.robot.planning.roads import Roads
+from explore_bench.strategies.contract import Observation, Target
+from explore_bench.trial.spec import Status
+from explore_bench.trial.steps import Step
+from explore_bench.world.kinds import World, kind_of
+from explore_bench.world.scenario import Scenario
+
+
+class Explorer(Protocol):
+    """A robot in a world: it knows its truth, its SLAM and how it drives."""
+
+    def status(self) -> Status | None:
+        """How the trial ends now; None while it goes on."""
+
+    def row(self) -> Step:
+        """The primitives after the last step."""
+
+    def observe(self) -> Observation:
+        """What the decision that is due may use.
+
+        Raises
+        ------
+        StuckError : where there is nothing to decide any more.
+        """
+
+    def drive(self, choice: object) -> Iterator[Step]:
+        """Carry out a decision, yielding the row of each step.
+
+        Raises
+        ------
+        ChoiceError : where the choice is neither a candidate's index nor a Target that can be reached.
+        """
+
+    def belief(self) -> Belief:
+        """What the robot believes now, frozen."""
+
+
+class StuckError(Exception):
+    """The trial cannot go on; says why."""
+
+
+class ChoiceError(ValueError):
+    """A strategy answered something that can be neither chosen nor driven to."""
+
+
+def explorer_of(
+    scenario: Scenario, world: World, motion: np.random.Generator, sensing: np.random.Generator, lap: Lap
+) -> Explorer:
+    """Robot of the scenario's kind in a world, after its first scan.
+
+    Raises
+    ------
+    ValueError : when the world does not fit the scenario.
+    """
+    explorer: Explorer = kind_of(scenario.kind).load("explorer")(scenario, world, motion, sensing, lap)
+    return explorer
+
+
+class Patience:
+    """Counts decisions that do not leave a cell; more than `stuck_decisions` of them end a trial."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._limit = scenario.stuck_decisions
+        self._cell, self._decisions = -1, 0
+
+    def decide(self, cell: int) -> None:
+        """Note that a decision is due in a cell.
+
+        Raises
+        ------
+        StuckError : where it is one too many.
+        """
+        self._decisions = self._decisions + 1 if cell == self._cell else 1
+        self._cell = cell
+        if self._decisions > self._limit:
+            raise StuckError(f"{self._limit} decisions did not leave cell {cell}")
+
+    def visit(self, cell: int) -> None:
+        """Note where a step led."""
+        if cell != self._cell:
+            self._cell = -1
+
+
+def checked(choice: object, count: int, roads: Roads) -> int | Target:
+    """Return a choice as it may be carried out: the index of one of `count` candidates, or a Target on the roads.
+
+    Raises
+    ------
+    ChoiceError : for anything else.
+    """
+    if isinstance(choice, Target):
+        return _checked_target(choice, roads)
+    if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
+        shown = " ".join(repr(choice).split())
+        raise ChoiceError(
+            f"the answer {shown} is of type {type(choice).__name__}; "
+            f"answer an integer index, 0 to {count - 1}, or a Target"
+        )
+    if not 0 <= choice < count:
+        raise ChoiceError(f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}")
+    return int(choice)
+
+
+def _checked_target(target: Target, roads: Roads) -> Target:
+    shown = f"the target {' '.join(repr(target.position).split())}"
+    try:
+        x, y = (float(value) for value in target.position)
+    except (TypeError, ValueError, OverflowError):
+        raise ChoiceError(f"{shown} is no place; give its x and y in metres") from None
+    grid = roads.grid
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ChoiceError(f"{shown} is not finite; give its x and y in metres")
+    if not grid.holds(x, y):
+        raise ChoiceError(
+            f"{shown} lies outside the map of {grid.columns * grid.resolution:g} × {grid.rows * grid.resolution:g} m; "
+            "choose one of observation.reachable"
+        )
+    cell = cell_of(grid, x, y)
+    if cell == roads.start:
+        raise ChoiceError(f"{shown} lies in the robot's own cell {cell}; choose another one of observation.reachable")
+    if not roads.free.reshape(-1)[cell]:
+        raise ChoiceError(
+            f"{shown} lies in cell {cell}, which is blocked or not known to be free; "
+            "choose one of observation.reachable"
+        )
+    if not len(roads.path_to(cell)):
+        raise ChoiceError(f"{shown} lies in cell {cell}, to which no way leads; choose one of observation.reachable")
+    return Target((x, y))

@@ -1,0 +1,109 @@
+"""The kinds of world, and where the parts of each are: named like strategies, imported when first used.
+
+Whatever is true or on board of one kind lives in the folders of its name (`world/landmark`, `robot/landmark`,
+`trial/landmark`); everything else knows no kind. A new kind is a line here.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.errors import unknown
+from explore_bench.geometry import Array, Grid, Pose
+
+DEFAULT_KIND = "landmark"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Parts of a kind of world, each "module:name".
+
+    Attributes
+    ----------
+    scenario : its Scenario: the protocol with the physics of this kind.
+    world : its World, the truth.
+    step : the row that is kept of every step.
+    explorer : its Explorer, the robot in that world.
+    """
+
+    scenario: str
+    world: str
+    step: str
+    explorer: str
+
+    def load(self, part: str) -> Any:
+        """Import the part of this name."""
+        module, _, name = getattr(self, part).partition(":")
+        return getattr(importlib.import_module(module), name)
+
+
+KINDS: dict[str, Kind] = {
+    "landmark": Kind(
+        scenario="explore_bench.world.landmark.scenario:LandmarkScenario",
+        world="explore_bench.world.landmark.world:LandmarkWorld",
+        step="explore_bench.trial.landmark.step:LandmarkStep",
+        explorer="explore_bench.trial.landmark.explorer:LandmarkExplorer",
+    ),
+}
+
+
+def kind_of(name: str) -> Kind:
+    """Kind of a name.
+
+    Raises
+    ------
+    RequestError : where there is none.
+    """
+    if name not in KINDS:
+        raise unknown("kind of world", str(name), KINDS)
+    return KINDS[name]
+
+
+class World(Protocol):
+    """The truth of one trial, of whatever kind."""
+
+    @property
+    def grid(self) -> Grid:
+        """Grid of the obstacles."""
+
+    @property
+    def obstacles(self) -> NDArray[np.bool_]:
+        """Whether a cell is an obstacle, shape (rows, columns)."""
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Whether a cell counts towards coverage, shape (rows, columns)."""
+
+    @property
+    def landmarks(self) -> Array:
+        """True positions [m], shape (M, 2); none in a kind of world without landmarks."""
+
+    @property
+    def start(self) -> Pose:
+        """True pose at step 0."""
+
+    @property
+    def digest(self) -> str:
+        """Twelve hexadecimal digits that tell this world from any other."""
+
+    @classmethod
+    def draw(cls, scenario: Any, rng: np.random.Generator) -> Self:
+        """World of a scenario, drawn from a stream."""
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values from which `from_facts` makes the same world."""
+
+    @classmethod
+    def from_facts(cls, facts: dict[str, Any], scenario: Any) -> Self:
+        """World that a record tells of."""
+
+
+def draw_world(scenario: Any, rng: np.random.Generator) -> World:
+    """World of a scenario of any kind, drawn from a stream."""
+    world: World = kind_of(scenario.kind).load("world").draw(scenario, rng)
+    return world

@@ -1,0 +1,148 @@
+"""Every physical constant of the landmark worlds, with its source.
+
+"§" is a section of Zhang et al. 2021; [8] is Chen et al. 2020; "calibrated" is explained in docs/calibration.md.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from explore_bench.world.floor_plan import OBSTACLE, floor_plan
+from explore_bench.world.landmark.noise import NoiseModel
+from explore_bench.world.scenario import NonNegative, Positive, Scenario
+
+
+class LandmarkScenario(Scenario):
+    """Landmarks and one-cell obstacles, a robot that turns in place or goes straight, a sensor for both (§4.1).
+
+    With a `map` of its own, obstacle settings do not apply, and the number of landmarks is an upper bound (there may be
+    less room).
+    """
+
+    kind: Literal["landmark"] = "landmark"
+
+    # World (§4.1)
+    landmark_density: NonNegative = Field(3.0, description="landmarks per 100 cells (§4.1)")
+    landmark_count: int | None = Field(None, ge=0, description="landmarks, instead of the density")
+    obstacle_density: NonNegative = Field(2.0, description="one-cell obstacles per cell of edge (calibrated)")
+    obstacle_count: int | None = Field(None, ge=0, description="obstacles, instead of the density")
+
+    # Sensor
+    sensor_range: Positive = Field(5.0, description="range of the 360° sensor [m] (§4.1)")
+    min_landmark_range: NonNegative = Field(0.1, description="a nearer landmark is ignored [m] (ours)")
+    bearing_sigma_deg: Positive = Field(0.5, description="noise of a bearing [°] (as [8])")
+    range_sigma: Positive = Field(0.02, description="noise of a range [m] (as [8])")
+    occlusion: bool = Field(False, description="whether obstacles hide what lies behind them (ours)")
+
+    # Motion
+    step_length: Positive = Field(0.7, description="longest straight step [m] (calibrated)")
+    turn_threshold_deg: Annotated[float, Field(gt=0, le=90)] = Field(
+        15.0, description="bearing error that asks for a turn [°] (ours)"
+    )
+    arrival_radius: Positive = Field(0.25, description="distance at which a waypoint is reached [m] (ours)")
+    path_tolerance: Positive = Field(
+        1.0, description="distance off the path's segment that ends a decision [m] (ours: half a cell)"
+    )
+    odometry_sigma: Positive = Field(0.07, description="noise along and across, a straight step [m] (calibrated)")
+    turn_sigma: Positive = Field(0.001, description="the same of a turn in place [m]: a factor needs some (ours)")
+    heading_sigma_deg: Positive = Field(0.2, description="noise of the heading, every step [°] (as [8])")
+    prior_sigma: Positive = Field(0.05, description="prior of the start, x and y [m] (as [8])")
+    prior_heading_sigma_deg: Positive = Field(0.01, description="prior of the start's heading [°] (as [8])")
+
+    def _check_physics(self) -> None:
+        if self.map is None and self.obstacles + self.landmarks >= self.cell_count:
+            raise ValueError(
+                f"{self.obstacles} obstacles and {self.landmarks} landmarks leave no free cell among "
+                f"{self.cell_count}; lower a density or a count"
+            )
+        if self.arrival_radius >= self.cell_size / 2:
+            raise ValueError(
+                f"arrival_radius {self.arrival_radius:g} m reaches out of a cell; keep it under half a cell"
+            )
+        if self.min_landmark_range >= self.sensor_range:
+            raise ValueError(f"min_landmark_range {self.min_landmark_range:g} m hides all within sensor_range")
+
+    @property
+    def landmarks(self) -> int:
+        """Landmarks of a world: the count, or the density times the cells that count, rounded half up.
+
+        A given map may hold fewer: each takes a cell that can be reached, and two stay open.
+        """
+        area, room = self.cell_count, None
+        if self.map is not None:
+            plan = floor_plan(self.map)
+            area, room = int(plan.counted.sum()), int(plan.reachable.sum()) - 2
+        wanted = self.landmark_count
+        if wanted is None:
+            wanted = math.floor(self.landmark_density * area / 100 + 0.5)
+        return wanted if room is None else min(wanted, room)
+
+    @property
+    def obstacles(self) -> int:
+        """Obstacle cells of a world: the map's; else the count, or the density times the edge, rounded half up."""
+        if self.map is not None:
+            return sum(row.count(OBSTACLE) for row in self.map)
+        if self.obstacle_count is not None:
+            return self.obstacle_count
+        return math.floor(self.obstacle_density * self.grid.columns + 0.5)
+
+    @cached_property
+    def noise(self) -> NoiseModel:
+        """Standard deviations of all that is measured."""
+        return NoiseModel(
+            prior=self.prior_sigma,
+            prior_heading=math.radians(self.prior_heading_sigma_deg),
+            straight=self.odometry_sigma,
+            turn=self.turn_sigma,
+            heading=math.radians(self.heading_sigma_deg),
+            bearing=math.radians(self.bearing_sigma_deg),
+            range=self.range_sigma,
+        )
+
+    @property
+    def sight_sigmas(self) -> tuple[float, float]:
+        """Those of a sighted landmark (bearing [rad], range [m])."""
+        return self.noise.bearing, self.noise.range
+
+    @property
+    def blind(self) -> LandmarkScenario:
+        """The constants that the robot may know: all but a given map."""
+        if self.map is None:
+            return self
+        return self.replace(map=None, landmark_count=self.landmarks, obstacle_count=0)
+
+    @property
+    def tiny(self) -> LandmarkScenario:
+        """A scenario with the same constants, two landmarks and an obstacle, whose trial takes no time."""
+        size = 5 * self.cell_size
+        return self.replace(map=None, size=size, landmark_count=2, obstacle_count=1, coverage=1.0)
+
+    def _kept(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """A density takes the place of a count that was set before, and the other way round."""
+        kept = super()._kept(changes)
+        for thing in ("landmark", "obstacle"):
+            for given, other in (("density", "count"), ("count", "density")):
+                if f"{thing}_{given}" in changes:
+                    kept.pop(f"{thing}_{other}", None)
+        return kept
+
+
+PAPER = LandmarkScenario()
+
+CHEN_2020 = LandmarkScenario(
+    size=40.0,
+    sensor_range=6.0,
+    landmark_count=8,
+    obstacle_count=0,
+    candidates_per_robot=1,
+    candidates_per_landmark=1,
+    step_length=2.0,
+    odometry_sigma=0.1,
+    coverage=0.85,
+    first_sight="replace",
+    fusion="determinant",
+)
