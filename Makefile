@@ -9,7 +9,7 @@ TRAININGS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean gate lint maps perf report robustness setup test test-slow train
+.PHONY: bench bench-smoke calibrate clean gate lint maps perf report reproduce robustness setup test test-slow train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure
 	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
@@ -32,6 +32,9 @@ maps: $(READY)           ## The compared methods in the maps of the gallery, int
 
 report: $(READY)         ## Tables and figures from stored records
 	$(BIN)/explore-bench report
+
+reproduce: $(READY)      ## Run the trials of results/trials.csv anew and compare every value, into results/reproduced
+	$(BIN)/python docs/studies/reproduce.py
 
 perf: $(READY)           ## Where a step's time goes
 	$(BIN)/explore-bench perf

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import pandas as pd
 
+import explore_bench
 from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import paired_difference
@@ -28,8 +29,8 @@ from explore_bench.report.tables import signed_text
 from explore_bench.runs.perf import Part, Perf, text
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.snapshot import REPLAY_COLUMNS
-from explore_bench.trial.steps import FINAL_COLUMNS, STEP_COLUMNS
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.trial.steps import FINAL_COLUMNS, step_columns
+from explore_bench.world.scenarios import PAPER
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
@@ -38,7 +39,7 @@ PAGES = (
     "README.md",
     *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "learning", "performance", "protocol", "records")),
 )
-PAGES = (*PAGES, "docs/uncertainty-weight.md")
+PAGES = (*PAGES, "docs/plugins.md", "docs/uncertainty-weight.md")
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
 OURS = "graph-stnn-plus"
@@ -58,6 +59,17 @@ PAIRS = (
 TARGETS = (("graph-stnn", "uncertainty"), ("graph-stnn", "gcn-obs"))
 """Pairs whose margins in the paper's Table 2 stand beside ours."""
 CONSTANTS = ["step_length", "odometry_sigma", "obstacle_density"]
+PLAIN = {
+    "Array": "Numpy array of float64, the type in signatures.",
+    "Pose": "(x, y, heading) [m, m, rad], a tuple of three floats.",
+    "Published": "The paper's values of a strategy, by table, size and metric.",
+    "OCCUPIED_ABOVE": "A cell whose probability exceeds this is believed occupied.",
+    "PAPER": "The scenario of the paper.",
+    "REWARD_WEIGHTS": "The constants of Eq. 24 with which this project trains.",
+    "CURVE_COLUMNS": "Columns of a training curve.",
+    "CURVE_WINDOW": "Steps that a row of a training curve stands for.",
+}
+"""What those public names are that have no docstring of their own."""
 
 
 def table2() -> str:
@@ -123,9 +135,25 @@ def map_order() -> str:
 
 def columns() -> str:
     """Columns of a shard with type, unit and meaning."""
-    rows = (STEP_COLUMNS | FINAL_COLUMNS | REPLAY_COLUMNS).items()
+    rows = (step_columns("landmark") | FINAL_COLUMNS | REPLAY_COLUMNS).items()
     table = [{"column": f"`{n}`", "type": c.dtype, "unit": c.unit, "meaning": c.meaning or "〃"} for n, c in rows]
     return _markdown(pd.DataFrame(table))
+
+
+def public() -> str:
+    """Public names with what they are and the module that defines them."""
+    rows = [
+        {"name": f"`{name}`", "what": _summary(name), "module": f"`explore_bench.{module}`"}
+        for name, module in explore_bench.PUBLIC.items()
+    ]
+    return _markdown(pd.DataFrame(rows))
+
+
+def _summary(name: str) -> str:
+    """First line of a public name's docstring, or the text for what has none."""
+    if name in PLAIN:
+        return PLAIN[name]
+    return str(getattr(explore_bench, name).__doc__).strip().splitlines()[0].replace("|", "\\|")
 
 
 def performance() -> str:
@@ -324,6 +352,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "beam-sweep": beam_sweep,
     "map-order": map_order,
     "columns": columns,
+    "public": public,
     "perf": performance,
     "weights": weights,
     "validations": validations,

@@ -12,7 +12,6 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from explore_bench import Observation, RequestError
-from explore_bench.geometry import centres
 
 COLUMNS = ("path length / 10 m", "unknown cells in view", "uncertainty of the map in view", "landmark distance / 10 m")
 
@@ -51,8 +50,7 @@ class Learned:
 def features(observation: Observation) -> torch.Tensor:
     """Columns COLUMNS of every candidate, shape (C, 4)."""
     belief, scenario = observation.belief, observation.scenario
-    cells = centres(np.arange(scenario.cell_count), scenario.cells, scenario.cell_size)
-    apart = np.linalg.norm(observation.positions[:, None] - cells, axis=2)
+    apart = np.linalg.norm(observation.positions[:, None] - scenario.grid.centres(), axis=2)
     view = (apart <= scenario.sensor_range).astype(float)
     in_view = view.sum(axis=1)
     unknown = view @ ~belief.known.reshape(-1)

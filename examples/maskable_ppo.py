@@ -6,8 +6,7 @@ explore-bench run smoke -s 'maskable_ppo.py:MaskablePPO[weights=maskable_ppo.saf
 import numpy as np
 from safetensors import SafetensorError, safe_open
 
-from explore_bench import Observation, RequestError
-from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
+from explore_bench import CANDIDATE_COLUMNS, STATE_COLUMNS, Observation, RequestError, features
 
 COLUMNS = {"candidates": " ".join(CANDIDATE_COLUMNS), "state": " ".join(STATE_COLUMNS)}
 """What the network reads, kept beside its weights."""

@@ -15,10 +15,7 @@ import torch
 from learned import Network, features
 from safetensors.torch import save_file
 
-from explore_bench import Scenario, rollout
-from explore_bench.trial.seeding import stream
-from explore_bench.trial.steps import Step
-from explore_bench.world.kinds import draw_world
+from explore_bench import Scenario, Step, draw_world, rollout, stream
 
 BATCH = 8
 RATE = 0.02

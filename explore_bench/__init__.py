@@ -10,112 +10,70 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from explore_bench.analysis.claims import Claim as Claim
-    from explore_bench.analysis.claims import comparisons as comparisons
+    from explore_bench.analysis.claims import Claim as Claim, comparisons as comparisons
     from explore_bench.analysis.training_curve import (
         CURVE_COLUMNS as CURVE_COLUMNS,
-    )
-    from explore_bench.analysis.training_curve import (
         CURVE_WINDOW as CURVE_WINDOW,
-    )
-    from explore_bench.analysis.training_curve import (
         curve_path as curve_path,
     )
     from explore_bench.compiled import jit as jit
     from explore_bench.errors import (
         RequestError as RequestError,
-    )
-    from explore_bench.errors import (
         describe as describe,
-    )
-    from explore_bench.errors import (
         unknown as unknown,
-    )
-    from explore_bench.errors import (
         writing as writing,
     )
     from explore_bench.geometry import (
         Array as Array,
-    )
-    from explore_bench.geometry import (
         Grid as Grid,
-    )
-    from explore_bench.geometry import (
         Pose as Pose,
-    )
-    from explore_bench.geometry import (
         cell_of as cell_of,
-    )
-    from explore_bench.geometry import (
         cells_of as cells_of,
-    )
-    from explore_bench.geometry import (
         cells_within as cells_within,
-    )
-    from explore_bench.geometry import (
         centre_of as centre_of,
-    )
-    from explore_bench.geometry import (
         wrap_angle as wrap_angle,
     )
     from explore_bench.records.provenance import (
         installed_version as installed_version,
-    )
-    from explore_bench.records.provenance import (
         scenario_digest as scenario_digest,
     )
-    from explore_bench.robot.belief import Belief as Belief
-    from explore_bench.robot.belief import Prediction as Prediction
+    from explore_bench.robot.belief import Belief as Belief, Prediction as Prediction
+    from explore_bench.robot.landmark.driver import Driver as Driver, drive_to as drive_to
     from explore_bench.robot.occupancy import (
         OCCUPIED_ABOVE as OCCUPIED_ABOVE,
-    )
-    from explore_bench.robot.occupancy import (
         renyi_entropy as renyi_entropy,
-    )
-    from explore_bench.robot.occupancy import (
         shannon_entropy as shannon_entropy,
     )
-    from explore_bench.robot.planning.astar import search_grid as search_grid
-    from explore_bench.robot.planning.astar import trace_path as trace_path
+    from explore_bench.robot.planning.astar import search_grid as search_grid, trace_path as trace_path
     from explore_bench.robot.planning.frontier import frontier_cells as frontier_cells
-    from explore_bench.robot.planning.roads import Reachable as Reachable
-    from explore_bench.robot.planning.roads import Roads as Roads
+    from explore_bench.robot.planning.roads import Reachable as Reachable, Roads as Roads
     from explore_bench.runs.conformance import check as check
     from explore_bench.runs.runner import run as run
     from explore_bench.strategies.contract import (
         Observation as Observation,
-    )
-    from explore_bench.strategies.contract import (
         Reference as Reference,
-    )
-    from explore_bench.strategies.contract import (
         Strategy as Strategy,
-    )
-    from explore_bench.strategies.contract import (
         Target as Target,
     )
-    from explore_bench.strategies.entry import Entry as Entry
-    from explore_bench.strategies.entry import Published as Published
-    from explore_bench.strategies.entry import parse_factory as parse_factory
-    from explore_bench.trial.decision_process import Course as Course
-    from explore_bench.trial.decision_process import DecisionProcess as DecisionProcess
-    from explore_bench.trial.reward import REWARD_WEIGHTS as REWARD_WEIGHTS
-    from explore_bench.trial.reward import RewardWeights as RewardWeights
+    from explore_bench.strategies.entry import Entry as Entry, Published as Published, parse_factory as parse_factory
+    from explore_bench.trial.decision_process import Course as Course, DecisionProcess as DecisionProcess
+    from explore_bench.trial.features import (
+        CANDIDATE_COLUMNS as CANDIDATE_COLUMNS,
+        STATE_COLUMNS as STATE_COLUMNS,
+        features as features,
+    )
+    from explore_bench.trial.reward import REWARD_WEIGHTS as REWARD_WEIGHTS, RewardWeights as RewardWeights
     from explore_bench.trial.rollout import rollout as rollout
     from explore_bench.trial.run import run_trial as run_trial
-    from explore_bench.trial.scores import Score as Score
-    from explore_bench.trial.scores import score as score
+    from explore_bench.trial.scores import Score as Score, score as score
     from explore_bench.trial.seeding import stream as stream
-    from explore_bench.trial.spec import Status as Status
-    from explore_bench.trial.spec import TrialSpec as TrialSpec
+    from explore_bench.trial.spec import Status as Status, TrialSpec as TrialSpec
     from explore_bench.trial.steps import Step as Step
-    from explore_bench.world.kinds import World as World
-    from explore_bench.world.kinds import draw_world as draw_world
-    from explore_bench.world.landmark.scenario import PAPER as PAPER
+    from explore_bench.world.kinds import World as World, draw_world as draw_world
     from explore_bench.world.landmark.scenario import LandmarkScenario as LandmarkScenario
     from explore_bench.world.landmark.world import LandmarkWorld as LandmarkWorld
     from explore_bench.world.scenario import Scenario as Scenario
-    from explore_bench.world.scenarios import load_scenario as load_scenario
+    from explore_bench.world.scenarios import PAPER as PAPER, load_scenario as load_scenario
 
 PUBLIC: dict[str, str] = {
     # what a strategy sees and answers
@@ -146,6 +104,8 @@ PUBLIC: dict[str, str] = {
     "frontier_cells": "robot.planning.frontier",
     "search_grid": "robot.planning.astar",
     "trace_path": "robot.planning.astar",
+    "Driver": "robot.landmark.driver",
+    "drive_to": "robot.landmark.driver",
     "OCCUPIED_ABOVE": "robot.occupancy",
     "shannon_entropy": "robot.occupancy",
     "renyi_entropy": "robot.occupancy",
@@ -153,7 +113,7 @@ PUBLIC: dict[str, str] = {
     # worlds and trials
     "Scenario": "world.scenario",
     "LandmarkScenario": "world.landmark.scenario",
-    "PAPER": "world.landmark.scenario",
+    "PAPER": "world.scenarios",
     "load_scenario": "world.scenarios",
     "World": "world.kinds",
     "LandmarkWorld": "world.landmark.world",
@@ -170,6 +130,9 @@ PUBLIC: dict[str, str] = {
     "DecisionProcess": "trial.decision_process",
     "RewardWeights": "trial.reward",
     "REWARD_WEIGHTS": "trial.reward",
+    "CANDIDATE_COLUMNS": "trial.features",
+    "STATE_COLUMNS": "trial.features",
+    "features": "trial.features",
     "score": "trial.scores",
     "Score": "trial.scores",
     "CURVE_COLUMNS": "analysis.training_curve",

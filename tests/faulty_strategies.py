@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from explore_bench.world.landmark.world import World
+from explore_bench.world.landmark.world import LandmarkWorld
 
 
 class Sound:
@@ -105,7 +105,7 @@ class NeedsNeighbours(Sound):
     """A cell at an edge has five neighbours; one in a corner has three."""
 
     def choose(self, observation):
-        n, size = observation.scenario.cells, observation.scenario.cell_size
+        n, size = observation.scenario.grid.columns, observation.scenario.cell_size
         column, row = (int(np.clip(value // size, 0, n - 1)) for value in observation.pose[:2])
         around = observation.belief.known[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
         assert around.size >= 6, "too few neighbours"
@@ -203,7 +203,7 @@ class PeeksThroughTheStack(Sound):
         frame = sys._getframe(1)
         while frame is not None:
             for value in frame.f_locals.values():
-                if isinstance(value, World):
+                if isinstance(value, LandmarkWorld):
                     return towards(value, observation)
             frame = frame.f_back
         return 0
@@ -213,8 +213,8 @@ class PeeksAtTheRollout(Sound):
     """The true pose, in the generator that waits for the choice."""
 
     def choose(self, observation):
-        vehicle = sys._getframe(1).f_locals["events"].gi_frame.f_locals["vehicle"]
-        x, y, _ = vehicle._robot.pose
+        explorer = sys._getframe(1).f_locals["events"].gi_frame.f_locals["explorer"]
+        x, y, _ = explorer._robot.pose
         return int(np.hypot(*(observation.positions - [x, y]).T).argmin())
 
 
@@ -224,8 +224,8 @@ class PeeksThroughTheCollector(Sound):
         super().reset(rng)
 
     def choose(self, observation):
-        cells = observation.scenario.cells
-        worlds = [value for value in gc.get_objects() if isinstance(value, World) and value.cells == cells]
+        grid = observation.scenario.grid
+        worlds = [value for value in gc.get_objects() if isinstance(value, LandmarkWorld) and value.grid == grid]
         return towards(worlds[-1], observation) if worlds else 0
 
 
@@ -234,7 +234,7 @@ class PeeksAtTheSpecification(Sound):
 
     def choose(self, observation):
         from explore_bench.trial.spec import TrialSpec
-        from explore_bench.world.landmark.world import draw_world
+        from explore_bench.world.kinds import draw_world
 
         frame = sys._getframe(1)
         while frame is not None:
@@ -257,7 +257,7 @@ class LearnsMapsByHeart(Sound):
         frame = sys._getframe(1)
         while frame is not None and self.key not in WORLDS:
             for value in frame.f_locals.values():
-                if isinstance(value, World):
+                if isinstance(value, LandmarkWorld):
                     WORLDS.setdefault(self.key, value)
             frame = frame.f_back
         return towards(WORLDS[self.key], observation)

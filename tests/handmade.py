@@ -12,8 +12,8 @@ import pandas as pd
 from explore_bench.records.shard import TrialRecord
 from explore_bench.runs.suites import plan
 from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.trial.steps import FINAL_COLUMNS, STEP_COLUMNS
-from explore_bench.world.landmark.world import World
+from explore_bench.trial.steps import FINAL_COLUMNS, step_columns
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
 
 TINY = Scenario(size=12.0, landmark_count=1, obstacle_count=2, coverage=0.8)
@@ -79,19 +79,20 @@ def random_weights(path, seed=0):
 def record(status="explored", scenario=TINY, strategy="nearest", trial=0, final=None, rows=None, reason="", **columns):
     """Return a record with these columns of step rows; the others are plain: numbered steps and unit covariances."""
     count = rows if rows is not None else len(next(iter(columns.values())))
-    steps = {name: np.zeros(count, dtype=column.dtype) for name, column in STEP_COLUMNS.items()}
+    steps = {name: np.zeros(count, dtype=column.dtype) for name, column in step_columns(scenario.kind).items()}
     steps["step"] = np.arange(count, dtype=np.int32)
     for name in ("cov_xx", "cov_yy", "cov_hh"):
         steps[name] = np.ones(count)
     steps["uncertainty"] = np.full(count, scenario.prior_uncertainty)
     for name, values in columns.items():
         assert name in steps, name
-        steps[name] = np.asarray(values, dtype=STEP_COLUMNS[name].dtype)
+        steps[name] = np.asarray(values, dtype=step_columns(scenario.kind)[name].dtype)
     estimates = {name: np.full(count, np.nan, dtype=np.float32) for name in FINAL_COLUMNS}
     for name, values in (final or {}).items():
         estimates[name] = np.asarray(values, dtype=np.float32)
-    n = scenario.cells
-    world = World(np.zeros((n, n), dtype=bool), np.zeros((0, 2)), (1.0, 1.0, float(trial)), scenario.cell_size)
+    world = LandmarkWorld(
+        scenario.grid, np.zeros(scenario.grid.shape, dtype=bool), np.zeros((0, 2)), (1.0, 1.0, float(trial))
+    )
     spec = TrialSpec(strategy, f"made.by.hand:{strategy.replace('-', '_')}", scenario, trial)
     return TrialRecord(spec, Status(status).value, reason, steps, estimates, world, transient=False)
 

@@ -1,4 +1,4 @@
-"""What the tests of `slam` share: gtsam as the oracle, random graphs, and small simulated drives.
+"""What the tests of SLAM share: gtsam as the oracle, random graphs, and small simulated drives.
 
 Nothing here uses the code under test except `small_drive`, which runs it.
 """
@@ -14,11 +14,12 @@ from gtsam.symbol_shorthand import L, X
 
 from explore_bench.robot.landmark.driver import Driver
 from explore_bench.robot.landmark.smoother import Smoother
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.landmark.motion import Robot
 from explore_bench.world.landmark.sensor import Sensor
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import Scan
+from explore_bench.world.signals import Patch, Scan, Sightings
 
 EMPTY = np.empty((0, 2))
 
@@ -212,15 +213,14 @@ def no_sighting(patch_side=7):
 
 def scan_of(sightings, patch=None, origin=(7.0, 7.0), heading=0.0):
     """Scan with sightings (id, bearing, range)."""
-    table = np.array(sightings, dtype=float).reshape(-1, 3)
-    return Scan(
-        landmarks=table[:, 0].astype(np.int64),
-        bearings=table[:, 1].copy(),
-        ranges=table[:, 2].copy(),
-        patch=np.zeros((7, 7), dtype=np.uint8) if patch is None else patch,
-        origin=origin,
-        heading=heading,
-    )
+    cells = np.zeros((7, 7), dtype=np.uint8) if patch is None else patch
+    return Scan(sightings_of(sightings), Patch(cells, origin, heading))
+
+
+def sightings_of(rows):
+    """Sightings (id, bearing, range)."""
+    table = np.array(rows, dtype=float).reshape(-1, 3)
+    return Sightings(table[:, 0].astype(np.int64), table[:, 1].copy(), table[:, 2].copy())
 
 
 @dataclass
@@ -228,7 +228,7 @@ class SmallDrive:
     """A simulated drive through random waypoints, with all that went into the smoother."""
 
     scenario: Scenario
-    world: World
+    world: LandmarkWorld
     smoother: Smoother
     robot: Robot
     sensor: Sensor
@@ -252,17 +252,17 @@ class SmallDrive:
         self.carry_out(command)
 
     def carry_out(self, command):
-        self.robot.move(command)
+        odometry = self.robot.move(command)
         self.commands.append(command)
         self.scans.append(self.sensor.scan(self.robot.pose))
-        self.smoother.update(command, self.scans[-1])
+        self.smoother.update(odometry, self.scans[-1])
 
     def sightings(self):
         """Rows (pose, landmark, bearing, range) of all scans, landmarks numbered by first sighting."""
         numbers, rows = {}, []
-        for k, scan in enumerate(self.scans):
+        for k, seen in enumerate(scan.sightings for scan in self.scans):
             for name, bearing, distance in zip(
-                scan.landmarks.tolist(), scan.bearings.tolist(), scan.ranges.tolist(), strict=True
+                *(column.tolist() for column in (seen.landmarks, seen.bearings, seen.ranges)), strict=True
             ):
                 rows.append((k, numbers.setdefault(name, len(numbers)), bearing, distance))
         return rows
@@ -273,8 +273,8 @@ class SmallDrive:
     def patches(self):
         """Patches and origins of all scans, as the maps take them."""
         return (
-            np.array([scan.patch for scan in self.scans]),
-            np.array([(*scan.origin, scan.heading) for scan in self.scans]),
+            np.array([scan.view.cells for scan in self.scans]),
+            np.array([(*scan.view.origin, scan.view.heading) for scan in self.scans]),
         )
 
 

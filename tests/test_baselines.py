@@ -7,17 +7,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from explore_bench.robot.landmark.prediction import predict
 from handmade import TINY
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import baselines.entropy
 from baselines.clairvoyant import Clairvoyant, views
-from baselines.entropy import Entropy, in_view, information_gain
+from baselines.entropy import Entropy, information_gain
 from baselines.nearest import Nearest
 from baselines.random_walk import Random
 from baselines.uncertainty import WEIGHT, Uncertainty
+from explore_bench.robot.belief import Belief
 from explore_bench.strategies.contract import Observation
 from explore_bench.strategies.loading import load_factory, make_strategy
 from explore_bench.strategies.registry import strategies
@@ -25,9 +24,10 @@ from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.kinds import draw_world
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 READY = {name: entry for name, entry in strategies().items() if entry.ready}
 
@@ -174,6 +174,11 @@ def gain(occupancy, delta=0.5, scenario=PAPER):
     return information_gain(np.array(occupancy, dtype=float), 1.0 + 1.0 / delta, scenario)
 
 
+def in_view(position, scenario):
+    """Whether the strategy counts a cell at this place, shape (n_g,)."""
+    return scenario.grid.in_reach(position[None], scenario.sensor_range)[0]
+
+
 def shannon(p):
     return -p * math.log2(p) - (1 - p) * math.log2(1 - p)
 
@@ -244,7 +249,7 @@ def test_the_cells_in_view_are_those_whose_centre_is_in_range():
 def test_entropy_chooses_the_largest_gain_over_the_cells_in_view(observation):
     gains = []
     for position, path in zip(observation.positions, observation.paths, strict=True):
-        delta = np.trace(predict(observation.belief, path).pose_covariances[-1])
+        delta = np.trace(observation.belief.predict(path).pose_covariances[-1])
         total = 0.0
         for cell in np.flatnonzero(in_view(position, observation.scenario)):
             total += gain([observation.belief.occupancy.ravel()[cell]], delta, observation.scenario)
@@ -255,14 +260,14 @@ def test_entropy_chooses_the_largest_gain_over_the_cells_in_view(observation):
 
 def test_entropy_avoids_the_candidate_where_it_would_be_lost(observation, monkeypatch):
     """With one and the same view everywhere, the pose's predicted covariance decides."""
+    positions = np.tile(observation.positions[:1], (len(observation.positions), 1))
     traces = dict(zip(map(id, observation.paths), np.linspace(2.0, 0.1, len(observation.paths)), strict=True))
 
     def predicted(belief, path):
         return SimpleNamespace(pose_covariances=np.eye(3)[None] * traces[id(path)] / 3)
 
-    monkeypatch.setattr(baselines.entropy, "predict", predicted)
-    monkeypatch.setattr(baselines.entropy, "in_view", lambda position, scenario: np.arange(scenario.cell_count) < 50)
-    assert Entropy().choose(observation) == len(observation.paths) - 1
+    monkeypatch.setattr(Belief, "predict", predicted)
+    assert Entropy().choose(varied(observation, positions=positions)) == len(observation.paths) - 1
 
 
 def test_entropy_takes_the_shorter_path_among_equal_gains(observation, monkeypatch):
@@ -274,7 +279,7 @@ def test_entropy_takes_the_shorter_path_among_equal_gains(observation, monkeypat
 
 
 def predicted_uncertainty(observation):
-    return np.array([predict(observation.belief, path).uncertainty for path in observation.paths])
+    return np.array([observation.belief.predict(path).uncertainty for path in observation.paths])
 
 
 def test_without_a_weight_uncertainty_takes_the_least_predicted_u(observation):
@@ -331,7 +336,7 @@ class Spy:
 
     def choose(self, observation):
         held = [getattr(observation, field.name) for field in dataclasses.fields(observation)]
-        assert not [item for item in held if isinstance(item, World)]
+        assert not [item for item in held if isinstance(item, LandmarkWorld)]
         return 0
 
 
@@ -395,7 +400,7 @@ after; with both ends seen from columns 2 and 17, 96 of 400 cells are known."""
 def corridor(column, heading):
     obstacles = np.ones((20, 20), dtype=bool)
     obstacles[10] = False
-    return World(obstacles, np.empty((0, 2)), (2.0 * column + 1.0, 21.0, heading), 2.0)
+    return LandmarkWorld(CORRIDOR.grid, obstacles, np.empty((0, 2)), (2.0 * column + 1.0, 21.0, heading))
 
 
 def play(strategy, scenario, world):
@@ -469,7 +474,7 @@ def test_on_a_small_map_hardly_any_sequence_of_choices_is_faster(trial):
 
 def test_in_a_mirrored_world_the_clairvoyant_takes_as_many_steps():
     world = corridor(6, math.pi)
-    mirrored = World(world.obstacles[:, ::-1].copy(), world.landmarks, (27.0, 21.0, 0.0), 2.0)
+    mirrored = LandmarkWorld(world.grid, world.obstacles[:, ::-1].copy(), world.landmarks, (27.0, 21.0, 0.0))
     assert play(Clairvoyant(), CORRIDOR, world)[0] == play(Clairvoyant(), CORRIDOR, mirrored)[0]
 
 

@@ -14,9 +14,9 @@ from explore_bench.errors import RequestError
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.features import features
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is missing: install the extra 'gym'")
 

@@ -35,14 +35,12 @@ from explore_bench import (
     RequestError,
     RewardWeights,
     curve_path,
+    describe as describe_error,
     installed_version,
     parse_factory,
     scenario_digest,
     stream,
     writing,
-)
-from explore_bench import (
-    describe as describe_error,
 )
 
 VALIDATION_WORLDS = 64
@@ -202,7 +200,7 @@ class Training:
             "settings": asdict(self.recipe.settings),
             "reward_weights": asdict(self.recipe.reward),
             "scales": self.recipe.scales,
-            "scenario": self.course.scenario.model_dump(exclude_unset=True),
+            "scenario": {"kind": self.course.scenario.kind, **self.course.scenario.model_dump(exclude_unset=True)},
             "scenario_digest": scenario_digest(self.course.scenario),
         }
 

@@ -27,8 +27,8 @@ from explore_bench.records.store import Store, missing
 from explore_bench.runs.runner import default_workers, execute
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import strategies
-from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 STRATEGIES = ("random", "entropy", "uncertainty")
 PARAMETERS = {"uncertainty": {"weight": 0.0}}  # its weight is tuned afterwards, on the physics found here
@@ -82,7 +82,7 @@ def connected_share(density: float) -> float:
     for _ in range(DRAWS):
         blocked = np.zeros(scenario.cell_count, dtype=bool)
         blocked[rng.permutation(scenario.cell_count)[: scenario.landmarks + scenario.obstacles]] = True
-        connected += ndimage.label(~blocked.reshape(scenario.cells, scenario.cells))[1] == 1
+        connected += ndimage.label(~blocked.reshape(scenario.grid.shape))[1] == 1
     return connected / DRAWS
 
 

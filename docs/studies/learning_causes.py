@@ -39,7 +39,7 @@ from explore_bench.strategies.loading import make_strategy
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.reward import RewardWeights
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenarios import PAPER
 
 EPISODES = 3000
 WORLDS = {20.0: 100, 40.0: 16}

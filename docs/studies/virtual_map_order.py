@@ -17,7 +17,7 @@ from explore_bench.robot.virtual_map import VirtualMap
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.seeding import stream
 from explore_bench.world.kinds import draw_world
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenarios import PAPER
 
 WORLDS = 20
 

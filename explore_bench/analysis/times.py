@@ -65,7 +65,9 @@ def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:
     """Processor time [s] that trials will need, from `times.csv` where it knows the like, else from their size."""
     path = folder / "times.csv"
     known: Any = read_csv(path, TIME_COLUMNS).groupby(["strategy", "size"])["seconds"].mean() if path.is_file() else {}
-    usual = 0.15  # s at 100 cells; it grows with their square: more steps, and each costs more
+    # s at 100 cells, as a strategy that predicts along every path takes; it grows with the square of the cells: there
+    # are more steps, and each costs more. Only for what was never timed here
+    usual = 0.15
     return sum(
         float(known.get((spec.strategy, spec.scenario.size), usual * (spec.scenario.cell_count / 100) ** 2))
         for spec in specs

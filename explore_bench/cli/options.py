@@ -50,9 +50,8 @@ def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def physics_of(scenario: str | None, map_: str | None, resolution: float | None) -> tuple[Scenario | None, str]:
     """Scenario that --scenario, --map and --resolution ask for (None: the paper's), and the name it is kept under."""
-    from explore_bench.world.landmark.scenario import PAPER
     from explore_bench.world.maps import with_map
-    from explore_bench.world.scenarios import load_scenario
+    from explore_bench.world.scenarios import PAPER, load_scenario
 
     if resolution is not None and map_ is None:
         raise RequestError(f"resolution {resolution:g} is given without a map; add --map FILE.")

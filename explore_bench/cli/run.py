@@ -84,7 +84,7 @@ def _run(
     from explore_bench.records.store import Store, missing
     from explore_bench.runs import runner
     from explore_bench.runs.workers import IncompleteError
-    from explore_bench.world.landmark.scenario import PAPER
+    from explore_bench.world.scenarios import PAPER
 
     workers = runner.crew(backend, workers, scheduler)
     runner.check_runnable(asked.specs, workers, backend, timeout)

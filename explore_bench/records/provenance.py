@@ -1,9 +1,11 @@
 """What defines a trial's numbers: a digest of its specification, of the code that it runs and of the libraries.
 
 Code counts by its syntax trees without docstrings: a comment changes nothing, an edited A* makes every stored
-trial stale. It is that of the core's `trial` and of the factory's module, followed through imports into its own
-package, into packages that register strategies, and into whatever lies outside of the installed libraries. A library
-counts by its version, one that cannot be found as absent.
+trial stale. It is that of the simulation loop, of the kind of world and of the factory's module, followed through
+imports into its own package, into packages that register strategies, and into whatever lies outside of the installed
+libraries. What is imported lazily is followed by name: the parts of a kind, and the public names of `explore_bench`.
+So an edit of one kind of world leaves the trials in others as they are. A library counts by its version, one that
+cannot be found as absent.
 """
 
 from __future__ import annotations
@@ -25,7 +27,12 @@ from typing import Any
 from explore_bench.strategies.entry import GROUP, parse_factory, weights_file
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import SCHEMA_VERSION
+from explore_bench.world.kinds import DEFAULT_KIND, kind_of
 from explore_bench.world.scenario import Scenario
+
+PACKAGE = "explore_bench"
+LOOP = "explore_bench.trial.run"
+"""Module from which every trial runs."""
 
 LIBRARIES = ("gtsam", "numba", "numpy", "scipy", "torch")
 """Libraries whose version enters the digest where the core imports them; of a strategy's own code all do."""
@@ -56,15 +63,18 @@ def trial_key(spec: TrialSpec) -> str:
     place, _ = parse_factory(spec.factory)
     values["factory"] = Path(spec.factory).name
     values["weights"] = weights_digest(spec.weights) if spec.weights else None
-    values["code"] = code_digest(place)
-    values["libraries"] = library_versions(place)
+    values["code"] = code_digest(place, spec.scenario.kind)
+    values["libraries"] = library_versions(place, spec.scenario.kind)
     values["schema"] = SCHEMA_VERSION
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:20]
 
 
 def scenario_digest(scenario: Scenario) -> str:
     """Twelve hexadecimal digits of all constants of a scenario."""
-    return hashlib.sha256(json.dumps(scenario.model_dump(), sort_keys=True).encode()).hexdigest()[:12]
+    values = scenario.model_dump()
+    if scenario.kind == DEFAULT_KIND:  # cards of weights from before there were kinds go on naming their scenario
+        del values["kind"]
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def forget_code() -> None:
@@ -76,22 +86,22 @@ def forget_code() -> None:
 
 
 @cache
-def code_digest(place: str) -> str:
-    """Digest of the syntax trees of a factory's module, of the code that it imports (see above) and of the core."""
+def code_digest(place: str, kind: str) -> str:
+    """Digest of the syntax trees of a factory's module, of the loop and the kind of world, and of what these import."""
     digest = hashlib.sha256()
-    for name, path in sorted(_modules(place).items()):
+    for name, path in sorted(_modules(place, kind).items()):
         digest.update(name.encode() + _syntax(path))
     return digest.hexdigest()
 
 
 @cache
-def library_versions(place: str) -> dict[str, str]:
+def library_versions(place: str, kind: str) -> dict[str, str]:
     """Versions of the libraries that the code of a factory imports, read without importing them."""
     core: set[str] = set()
     own: set[str] = set()
-    for module, path in _modules(place).items():
-        (core if module.startswith("explore_bench.") else own).update(_packages(path, module))
-    known = sys.stdlib_module_names | {"explore_bench"}
+    for module, path in _modules(place, kind).items():
+        (core if module.startswith(f"{PACKAGE}.") else own).update(_packages(path, module))
+    known = sys.stdlib_module_names | {PACKAGE}
     libraries = core & set(LIBRARIES) | {name for name in own - known if not _counts_by_source(name)}
     return {name: _library_version(name) for name in sorted(libraries)}
 
@@ -127,10 +137,11 @@ def _distributions() -> Mapping[str, Sequence[str]]:
 
 
 @cache
-def _modules(place: str) -> dict[str, Path]:
-    """Modules that a trial runs: name → file, from the core's `trial` and the factory's module on."""
+def _modules(place: str, kind: str) -> dict[str, Path]:
+    """Modules that a trial runs: name → file, from the loop, the parts of the kind and the factory's module on."""
     found: dict[str, Path] = {}
-    _follow("explore_bench.trial.run", found)
+    for part in (LOOP, *vars(kind_of(kind)).values()):
+        _follow(part.partition(":")[0], found)
     if place.endswith(".py"):
         path = Path(place)
         found[path.name] = path
@@ -141,10 +152,21 @@ def _modules(place: str) -> dict[str, Path]:
     return found
 
 
-def _follow(name: str, found: dict[str, Path], own: str = "explore_bench") -> None:
+def _homes(name: str) -> list[str]:
+    """Modules behind a public name of the package's root, "explore_bench.*" being all of them."""
+    public: dict[str, str] = importlib.import_module(PACKAGE).PUBLIC
+    wanted = name.removeprefix(f"{PACKAGE}.")
+    return [f"{PACKAGE}.{home}" for own, home in public.items() if wanted in (own, "*")]
+
+
+def _follow(name: str, found: dict[str, Path], own: str = PACKAGE) -> None:
     """Add a module, and what it imports, to `found` as far as the source counts: always within the package `own`."""
     package = name.split(".")[0]
-    if name in found or name == "explore_bench" or not (package == own or _counts_by_source(package)):
+    if package == PACKAGE and (homes := _homes(name)):
+        for home in homes:
+            _follow(home, found)
+        return
+    if name in found or name == PACKAGE or not (package == own or _counts_by_source(package)):
         return
     path = _file(name)
     if path is None:
@@ -159,7 +181,7 @@ def _counts_by_source(package: str) -> bool:
     """Whether a package registers strategies, or lies elsewhere than the libraries do: in a checkout, say."""
     if package in sys.stdlib_module_names or package in LIBRARIES:
         return False
-    if package == "explore_bench" or package in _registering():
+    if package == PACKAGE or package in _registering():
         return True
     path = _location(package)
     return path is not None and not {"site-packages", "dist-packages"} & set(path.parts)
@@ -223,7 +245,8 @@ def _parsed(path: Path) -> ast.Module | None:
 def _imports(path: Path, module: str) -> set[str]:
     """Names that a file imports: of `from a import b` both a and a.b, which may be a module or not."""
     names: set[str] = set()
-    for node in ast.walk(_tree(path) or ast.Pass()):
+    tree = _tree(path) or ast.Pass()
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -234,7 +257,25 @@ def _imports(path: Path, module: str) -> set[str]:
                 parents = parts[: len(parts) - node.level + is_package]
                 base = ".".join(filter(None, (*parents, base)))
             names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return names
+    return names | _taken_from_root(tree)
+
+
+def _taken_from_root(tree: ast.AST) -> set[str]:
+    """Names that a file takes from the imported package `explore_bench` itself, `bench.predict` say; all if unclear."""
+    bound = {
+        alias.asname or PACKAGE
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+        if alias.name == PACKAGE or (alias.name.startswith(f"{PACKAGE}.") and not alias.asname)
+    }
+    taken, of_attributes = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in bound:
+            taken.add(f"{PACKAGE}.{node.attr}")
+            of_attributes.add(node.value)
+    bare = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in bound]
+    return taken | ({f"{PACKAGE}.*"} if any(node not in of_attributes for node in bare) else set())
 
 
 @cache

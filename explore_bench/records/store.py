@@ -28,8 +28,8 @@ from explore_bench.trial.run import TrialResult
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import SCHEMA_VERSION
 from explore_bench.world.kinds import DEFAULT_KIND
-from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 PROTOCOL_FILE = "protocol.json"
 ABANDONED_SECONDS = 3600.0

@@ -13,8 +13,8 @@ from explore_bench.analysis.statistics import Estimate, kendall_tau
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.style import entry_of
 from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
-from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 
 def agreement_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:

@@ -123,7 +123,7 @@ def processor() -> str:
 
 def _code(spec: TrialSpec) -> str:
     try:
-        return code_digest(parse_factory(spec.factory)[0])[:SHOWN_DIGITS]
+        return code_digest(parse_factory(spec.factory)[0], spec.scenario.kind)[:SHOWN_DIGITS]
     except OSError:  # a plugin's file that is gone
         return "–"
 

@@ -113,18 +113,20 @@ class Belief:
         ------
         ValueError : where it is neither, or leaves the map.
         """
-        way = np.asarray(path)
-        grid = self.scenario.grid
-        if way.ndim == 1 and len(way) and np.issubdtype(way.dtype, np.integer):
+        way, grid = np.asarray(path), self.scenario.grid
+        if way.ndim == 1 and len(way) and way.dtype.kind in "iu":
             if way.min() < 0 or way.max() >= grid.cells:
                 raise ValueError(f"the path {way.tolist()} leaves the map; its cells are 0 to {grid.cells - 1}")
             places = grid.centres(way)
             return self.graph.predict(self, places[1:] if len(places) > 1 else places)
-        if way.ndim != 2 or way.shape[1] != 2 or not len(way) or not np.isfinite(np.asarray(way, dtype=float)).all():
+        if way.ndim != 2 or way.shape[1] != 2 or not len(way) or way.dtype.kind not in "iuf":
             raise ValueError(
                 f"a path of shape {way.shape} and type {way.dtype} is neither cells, integers of shape (P,), nor "
-                "places [m], finite and of shape (P, 2); give one of them"
+                "places [m] of shape (P, 2); give one of them"
             )
+        for x, y in way.tolist():
+            if not grid.holds(x, y):
+                raise ValueError(f"the path leaves the map at ({x:g}, {y:g}) m; give places on it")
         return self.graph.predict(self, np.ascontiguousarray(way, dtype=float))
 
 

@@ -21,7 +21,7 @@ from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenarios import PAPER
 
 SIZES = (20.0, 40.0)
 LENGTHS = (100, 300, 1000)

@@ -168,9 +168,8 @@ def run(
     """
     from explore_bench.analysis.tables import select
     from explore_bench.runs.suites import plan
-    from explore_bench.world.landmark.scenario import PAPER
     from explore_bench.world.scenario import Scenario
-    from explore_bench.world.scenarios import load_scenario
+    from explore_bench.world.scenarios import PAPER, load_scenario
 
     workers = crew(backend, workers, scheduler)
     if not isinstance(scenario, Scenario | str | None):

@@ -12,9 +12,9 @@ from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.registry import lookup, strategies
 from explore_bench.trial.seeding import Purpose
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.maps import gallery
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 MAX_ROOT = 2**32 - 1
 MAX_TRIALS = 100_000

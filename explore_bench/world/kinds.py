@@ -59,7 +59,7 @@ def kind_of(name: str) -> Kind:
     ------
     RequestError : where there is none.
     """
-    if name not in KINDS:
+    if not isinstance(name, str) or name not in KINDS:
         raise unknown("kind of world", str(name), KINDS)
     return KINDS[name]
 

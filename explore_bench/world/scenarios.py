@@ -7,9 +7,25 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, unknown
-from explore_bench.world.landmark.scenario import CHEN_2020, PAPER
+from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.maps import gallery, with_map
 from explore_bench.world.scenario import Scenario
+
+PAPER = LandmarkScenario()
+
+CHEN_2020 = LandmarkScenario(
+    size=40.0,
+    sensor_range=6.0,
+    landmark_count=8,
+    obstacle_count=0,
+    candidates_per_robot=1,
+    candidates_per_landmark=1,
+    step_length=2.0,
+    odometry_sigma=0.1,
+    coverage=0.85,
+    first_sight="replace",
+    fusion="determinant",
+)
 
 SCENARIOS: dict[str, tuple[Scenario, str]] = {
     "paper": (PAPER, "Zhang et al. 2021, §4.1; what it leaves out is calibrated against its Table 2"),
@@ -23,9 +39,9 @@ SCENARIOS: dict[str, tuple[Scenario, str]] = {
 def load_scenario(name_or_file: str) -> Scenario:
     """Scenario of a registered name or of a TOML file.
 
-    A file holds constants by name, and may start from a named scenario: `extends = "chen2020"` (default: paper). Its
-    `map` is a list of rows, or a map of the gallery or a file for `maps.with_map`, found from where the TOML file lies,
-    with `resolution` [m] beside it.
+    A file holds constants by name, and may start from a named scenario, `extends = "chen2020"` (default: paper), or
+    from the usual constants of a kind of world, `kind = "landmark"`. Its `map` is a list of rows, or a map of the
+    gallery or a file for `maps.with_map`, found from where the TOML file lies, with `resolution` [m] beside it.
 
     Raises
     ------
@@ -37,14 +53,15 @@ def load_scenario(name_or_file: str) -> Scenario:
     if path.suffix != ".toml":
         raise unknown("scenario", name_or_file, SCENARIOS)
     values = _values(path)
-    base = values.pop("extends", "paper")
-    if not isinstance(base, str) or base not in SCENARIOS:
-        raise unknown(f"scenario file '{path}': extends", str(base), SCENARIOS)
+    extended = values.pop("extends", None if "kind" in values else "paper")
+    if extended is not None and (not isinstance(extended, str) or extended not in SCENARIOS):
+        raise unknown(f"scenario file '{path}': extends", str(extended), SCENARIOS)
     for kind in ("landmark", "obstacle"):
         if {f"{kind}_density", f"{kind}_count"} <= values.keys():
             raise RequestError(f"scenario file '{path}' gives {kind}_density and {kind}_count; give one of them.")
     try:
-        return _built(SCENARIOS[base][0], values, path.parent)
+        base = Scenario(kind=values["kind"]) if extended is None else SCENARIOS[extended][0]
+        return _built(base, values, path.parent)
     except RequestError as error:
         raise RequestError(f"scenario file '{path}': {error}") from None
 

@@ -166,7 +166,7 @@ def test_the_file_is_the_same_on_every_machine_and_has_unix_lines(own_store):
 
 
 def test_trials_of_older_code_are_not_in_the_file(own_store, monkeypatch):
-    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda place: {"numpy": "0.1"})
+    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda *_: {"numpy": "0.1"})
     assert len(write_trials(own_store)) == 0
     assert (own_store.folder / "trials.csv").read_text().splitlines() == [",".join(TRIAL_COLUMNS)]
 

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.stats import bootstrap, kendalltau, permutation_test, trim_mean
 
 from explore_bench.analysis import statistics

@@ -382,7 +382,7 @@ def test_a_report_of_a_folder_without_trials(refused, tmp_path):
 
 
 def test_a_report_of_trials_of_older_code_only(refused, own_store, monkeypatch):
-    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda place: {"numpy": "0.1"})
+    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda *_: {"numpy": "0.1"})
     assert "9 trials of older code" in refused("report", "--results", own_store.folder)
 
 
@@ -645,9 +645,10 @@ def test_a_report_simulates_nothing(call, own_store, monkeypatch):
     def fail(*_, **__):
         pytest.fail("something was simulated")
 
-    monkeypatch.setattr("explore_bench.trial.rollout.rollout", fail)
+    monkeypatch.setattr("explore_bench.trial.run.rollout", fail)
     monkeypatch.setattr("explore_bench.trial.run.run_trial", fail)
-    monkeypatch.setattr("explore_bench.world.landmark.world.draw_world", fail)
+    monkeypatch.setattr("explore_bench.trial.landmark.explorer.LandmarkExplorer.__init__", fail)
+    monkeypatch.setattr("explore_bench.world.landmark.world.LandmarkWorld.draw", fail)
     code, out, err = call("report", "--results", own_store.folder)
     assert code == 0, err
     assert "from 9 trials" in out

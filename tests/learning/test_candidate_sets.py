@@ -4,20 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from explore_bench.robot.landmark.prediction import predict
 from handmade_graphs import reordered_observation
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy import ndimage
 
 from baselines.learned import candidates as plus
 from baselines.learned.candidates import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_set
-from explore_bench.geometry import centres
+from explore_bench.geometry import Grid
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
+from explore_bench.world.scenarios import PAPER
 
 
 def observations(size=20.0, trial=0, count=8):
@@ -82,7 +80,7 @@ def test_the_order_of_the_candidates_is_that_of_their_rows_and_of_nothing_else(s
 def test_paths_and_predictions(seen):
     for observation in seen[::3]:
         one, belief = candidate_set(observation), observation.belief
-        ahead = [predict(belief, path) for path in observation.paths]
+        ahead = [belief.predict(path) for path in observation.paths]
         steps = np.array([len(prediction.poses) for prediction in ahead])
         reduction = np.array([belief.uncertainty - prediction.uncertainty for prediction in ahead])
         traces = [np.trace(prediction.pose_covariances, axis1=1, axis2=2) for prediction in ahead]
@@ -101,13 +99,13 @@ def test_what_a_path_reveals(seen):
     """Against sets of cells in plain numpy, and regions by scipy."""
     for observation in seen:
         one, scenario, known = candidate_set(observation), observation.scenario, observation.belief.known.reshape(-1)
-        n, reach = scenario.cells, scenario.sensor_range
-        middles = centres(np.arange(n * n), n, scenario.cell_size)
+        n, reach = scenario.grid.columns, scenario.sensor_range
+        middles = scenario.grid.centres()
         labels, _ = ndimage.label(~known.reshape(n, n), np.ones((3, 3)))
         labels = labels.reshape(-1)
         target = math.ceil(scenario.coverage * n * n - 1e-9)
         for i, path in enumerate(observation.paths):
-            near = [np.hypot(*(middles - middle).T) <= reach for middle in centres(path, n, scenario.cell_size)]
+            near = [np.hypot(*(middles - middle).T) <= reach for middle in scenario.grid.centres(path)]
             revealed = np.any(near, axis=0) & ~known
             touched = [(labels == label).sum() for label in set(labels[revealed])]
             left = [((labels == label) & ~revealed).sum() for label in set(labels[revealed])]
@@ -143,7 +141,7 @@ def test_blocks_hold_what_is_unknown(seen):
 def test_blocks_of_a_map_whose_edge_is_no_multiple_of_theirs():
     known = np.ones((6, 6), dtype=bool)
     known[5, 5] = known[0, 0] = False
-    features, middles = plus._blocks(known, 2.0, 0.0, 0.0)
+    features, middles = plus._blocks(known, Grid(6, 6, 2.0), 0.0, 0.0)
     close(features, [[1 / 16, 1.0, math.hypot(4, 4) / 10], [1 / 4, 0.25, math.hypot(10, 10) / 10]])
     close(middles, [[4.0, 4.0], [10.0, 10.0]])
 

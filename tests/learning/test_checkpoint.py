@@ -35,7 +35,7 @@ from explore_bench.strategies.contract import Observation
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
 
 SMALL = Scenario(size=10.0)

@@ -12,8 +12,7 @@ import time
 import numpy as np
 import pytest
 from handmade_graphs import reordered_observation
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from baselines.learned.graph import (
     CHEN_2020,
@@ -27,14 +26,15 @@ from baselines.learned.graph import (
     exploration_graph,
 )
 from explore_bench.errors import RequestError
-from explore_bench.geometry import cell_of, centre_of, centres
+from explore_bench.geometry import Grid, cell_of, centre_of
 from explore_bench.robot.belief import Belief
+from explore_bench.robot.planning.roads import Roads
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 CELL = 2.0
 
@@ -42,7 +42,7 @@ CELL = 2.0
 def see(track, landmarks=(), obstacles=(), candidates=(), heading=0.0, edge=5, **constants):
     """Make what a robot sees that drove along points [m]: landmarks at points, obstacles and candidates in cells."""
     scenario = Scenario(size=CELL * edge, landmark_count=0, obstacle_count=0, **constants)
-    n = scenario.cells
+    n = scenario.grid.columns
     poses = np.array([(x, y, 0.0) for x, y in track])
     poses[-1, 2] = heading
     occupancy, known = np.full(n * n, 0.5), np.zeros(n * n, dtype=bool)
@@ -58,12 +58,12 @@ def see(track, landmarks=(), obstacles=(), candidates=(), heading=0.0, edge=5, *
         known=known.reshape(n, n),
         virtual_map=np.tile([1.0, 0.0, 1.0], (n, n, 1)),
         uncertainty=2.0 * n * n,
-        linearization=None,
-        elimination=None,
+        peak_trace=0.03,
+        graph=None,
     )
     cells = np.array(candidates, dtype=np.int64)
-    own = cell_of(*track[-1], n, CELL)
-    positions = centres(cells, n, CELL)
+    own = cell_of(scenario.grid, *track[-1])
+    positions = scenario.grid.centres(cells)
     return Observation(
         belief=belief,
         step=len(poses) - 1,
@@ -72,6 +72,7 @@ def see(track, landmarks=(), obstacles=(), candidates=(), heading=0.0, edge=5, *
         positions=positions,
         paths=tuple(np.array([own, cell]) for cell in candidates),
         path_lengths=np.hypot(*(positions - poses[-1, :2]).T),
+        roads=Roads(scenario.grid, np.ones((n, n), dtype=bool), own),
     )
 
 
@@ -85,7 +86,7 @@ def with_cells(observation, **values):
     grids = {name: getattr(observation.belief, name).copy() for name in values}
     for name, changes in values.items():
         for cell, value in changes.items():
-            grids[name][divmod(cell, observation.scenario.cells)] = value
+            grids[name][divmod(cell, observation.scenario.grid.columns)] = value
     return believing(observation, **grids)
 
 
@@ -494,15 +495,15 @@ def large():
 
 def defined(observation, obstacles=True):
     """Places and flags of the nodes and the edges between them, by the definition and without any haste."""
-    belief, n = observation.belief, observation.scenario.cells
-    track = [cell_of(x, y, n, CELL) for x, y, _ in belief.poses]
+    belief, grid = observation.belief, observation.scenario.grid
+    track = [cell_of(grid, x, y) for x, y, _ in belief.poses]
     latest = {cell: i for i, cell in enumerate(track)}
     order = sorted(latest, key=latest.get)
     nodes = [(-1, *belief.poses[latest[cell], :2]) for cell in order[:-1]] + [(0, *belief.poses[-1, :2])]
     nodes += [(1, *place) for place in belief.landmarks]
     blocked = (belief.known & (belief.occupancy > 0.5 + 1e-9)).ravel()
-    nodes += [(-2, *centre_of(cell, n, CELL)) for cell in range(n * n) if obstacles and blocked[cell]]
-    nodes += [(2, *centre_of(cell, n, CELL)) for cell in observation.candidates]
+    nodes += [(-2, *centre_of(grid, cell)) for cell in range(grid.cells) if obstacles and blocked[cell]]
+    nodes += [(2, *centre_of(grid, cell)) for cell in observation.candidates]
 
     def nearest(i, flags):
         others = [j for j, node in enumerate(nodes) if node[0] in flags]
@@ -539,7 +540,7 @@ def test_real_entropies_in_range_are_those_of_the_definition(real):
         places, _, _ = defined(observation)
         p = observation.belief.occupancy.ravel()
         bits = -p * np.log2(p) - (1 - p) * np.log2(1 - p)
-        middles = centres(np.arange(p.size), observation.scenario.cells, CELL)
+        middles = observation.scenario.grid.centres()
         away = np.hypot(*np.moveaxis(middles[None] - places[:, None], -1, 0))
         expected = ((away <= observation.scenario.sensor_range) * bits).sum(axis=1)
         np.testing.assert_allclose(column(observation, "shannon"), expected, rtol=1e-5)
@@ -587,7 +588,7 @@ def test_the_order_of_the_candidates_is_that_of_their_rows_and_of_nothing_else(r
 @given(st.floats(-math.pi, math.pi), st.lists(st.tuples(st.floats(0, 10), st.floats(0, 10)), min_size=1, max_size=30))
 def test_a_walk_anywhere_has_a_node_a_visited_cell_and_edges_along_it(heading, track):
     made = graph(see(track, candidates=[12], heading=heading), ["flag", "bearing"])
-    visited = {cell_of(x, y, 5, CELL) for x, y in track}
+    visited = {cell_of(Grid(5, 5, CELL), x, y) for x, y in track}
     assert made.trajectory == len(visited)
     assert made.features[made.trajectory - 1].tolist() == [0, 0]
     assert (np.abs(made.features[:, 1]) <= 1).all()

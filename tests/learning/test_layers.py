@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 from handmade_graphs import random_graph
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from torch import nn
 
 from baselines.learned.graph import ExplorationGraph

@@ -15,8 +15,7 @@ from baselines.learned.checkpoint import load_state, save_state
 from baselines.learned.gcn import GCN
 from baselines.learned.graph_stnn import GraphSTNN
 from baselines.learned.graph_stnn_plus import GraphSTNNPlus
-from baselines.training import policy_gradient, replay
-from baselines.training import returns as returns_module
+from baselines.training import policy_gradient, replay, returns as returns_module
 from baselines.training.learner import DivergedError
 from baselines.training.policy_gradient import (
     PolicyGradientLearner,
@@ -27,7 +26,7 @@ from baselines.training.policy_gradient import (
 from baselines.training.replay import ReplayLearner, ReplaySettings, Transition
 from baselines.training.returns import ReturnsLearner, ReturnsSettings, cut_returns, returns
 from explore_bench.trial.decision_process import Course
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenarios import PAPER
 
 torch.set_num_threads(1)
 

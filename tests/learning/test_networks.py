@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 from handmade_graphs import random_graph, random_set, reordered, reordered_set
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from baselines import STRATEGIES
 from baselines.learned.candidates import CandidateSet

@@ -28,7 +28,7 @@ from explore_bench.records.provenance import scenario_digest
 from explore_bench.strategies.loading import make_strategy
 from explore_bench.trial import seeding
 from explore_bench.trial.decision_process import Course
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenarios import PAPER
 
 torch.set_num_threads(1)
 
@@ -54,7 +54,7 @@ def _short(monkeypatch):
         for module, recipe in recipes.items()
         if recipe.scales[1:]
     }
-    values = {"PAPER": SMALL, "RECIPES": recipes, "VALIDATION_WORLDS": 3, "VALIDATE_EVERY": 4, "WINDOW": 40}
+    values = {"PAPER": SMALL, "RECIPES": recipes, "VALIDATION_WORLDS": 3, "VALIDATE_EVERY": 4, "CURVE_WINDOW": 40}
     for name, value in values.items():
         monkeypatch.setattr(training, name, value)
 
@@ -259,7 +259,7 @@ def test_a_training_is_reproducible(tmp_path):
 def test_progress_is_said_now_and_then(tmp_path, monkeypatch, name):
     """Means over the episodes of the row of the curve that is not full yet, here all of them."""
     monkeypatch.setattr(training, "SAY_SECONDS", 0.0)
-    monkeypatch.setattr(training, "WINDOW", 10**6)
+    monkeypatch.setattr(training, "CURVE_WINDOW", 10**6)
     said = train(tmp_path, name)
     lines = [line for line in said if "min left" in line]
     assert [f"episode {count}," in line for count, line in zip((2, 4, 6, 8), lines, strict=True)] == [True] * 4

@@ -13,15 +13,16 @@ from explore_bench.analysis.metrics import METRICS
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.seeding import stream
 from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.trial.steps import Step
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.trial.steps import step_columns
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 COURSE = Course(TINY, "train", 5)
 NUMBERS = [0, 1, 2, 3, 4]
@@ -68,12 +69,12 @@ def spec_of(course, number, factory="baselines.nearest:Nearest"):
 
 def record_of(result):
     """Record of a trial, for the metrics."""
-    columns = {name: [getattr(step, name) for step in result.steps] for name in Step._fields}
+    columns = {name: [getattr(step, name) for step in result.steps] for name in step_columns("landmark")}
     return record(status=result.status.value, scenario=result.spec.scenario, **columns)
 
 
 def row(**columns):
-    return Step(*([0] * len(Step._fields)))._replace(**columns)
+    return LandmarkStep(**dict.fromkeys(step_columns("landmark"), 0) | columns)
 
 
 # One at a time, in lockstep, by hand

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from handmade import TINY
 
 import baselines
 import explore_bench
@@ -20,7 +21,7 @@ from explore_bench.runs.suites import plan
 from explore_bench.strategies.loading import load_factory
 from explore_bench.strategies.registry import lookup
 from explore_bench.trial.run import run_trial
-from explore_bench.trial.spec import Status
+from explore_bench.trial.spec import Status, TrialSpec
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -59,6 +60,18 @@ def test_the_file_of_the_readme_is_in_the_smoke_tables_in_under_a_minute(tmp_pat
     assert re.search(r"\| \d\.\d+ \[\d\.\d+, \d\.\d+\] \|", row), "a mean with its interval"
     assert "Mine" in (tmp_path / "mine/report.html").read_text()
     assert (tmp_path / "mine/figures/figure-10b.svg").exists()
+
+
+# A target of its own
+
+
+def test_the_file_with_targets_of_its_own_answers_them_and_explores(tmp_path):
+    (tmp_path / "border.py").write_text(written_file("docs/plugins.md", "border.py"))
+    result = run_trial(TrialSpec("border", f"{tmp_path / 'border.py'}:Border", TINY, 0))
+    assert result.status is Status.EXPLORED, result.reason
+    decisions = [snapshot for snapshot in result.snapshots.values() if snapshot.candidates]
+    assert len(decisions) > 1
+    assert all(snapshot.target is not None and snapshot.choice is None for snapshot in decisions)
 
 
 # A learned strategy

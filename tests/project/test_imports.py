@@ -1,4 +1,4 @@
-"""The rules of imports of the design and of CONTRIBUTING.md, read from the syntax trees."""
+"""The rules of imports of docs/architecture.md, read from the page and from the syntax trees."""
 
 import ast
 import importlib
@@ -13,7 +13,8 @@ import pytest
 import baselines
 import explore_bench
 from explore_bench.strategies.registry import strategies
-from explore_bench.trial.steps import STEP_COLUMNS
+from explore_bench.trial.steps import step_columns
+from explore_bench.world.kinds import KINDS
 
 PACKAGE, BASELINES = Path(explore_bench.__file__).parent, Path(baselines.__file__).parent
 ROOT = Path(__file__).parents[2]
@@ -83,17 +84,15 @@ def importers(library, files):
 
 def test_the_walk_finds_what_is_there():
     """A walk that saw nothing would prove nothing."""
-    assert "explore_bench.robot.belief" in modules("explore_bench.trial.steps", CORE["explore_bench.trial.steps"])
-    command = "explore_bench.cli.run"
-    assert "explore_bench.runs.runner" in modules(command, CORE[command]), "inside a function"
-    assert "explore_bench.records.store" not in modules(
-        "explore_bench.analysis.metrics", CORE["explore_bench.analysis.metrics"]
-    ), "a type"
-    assert "explore_bench.records.store" in modules(
-        "explore_bench.analysis.metrics", CORE["explore_bench.analysis.metrics"], types_too=True
-    )
+    snapshot = "explore_bench.trial.snapshot"
+    assert "explore_bench.robot.belief" in modules(snapshot, CORE[snapshot])
+    verb = "explore_bench.cli.run"
+    assert "explore_bench.runs.runner" in modules(verb, CORE[verb]), "inside a function"
+    metrics = "explore_bench.analysis.metrics"
+    assert "explore_bench.records.shard" not in modules(metrics, CORE[metrics]), "a type"
+    assert "explore_bench.records.shard" in modules(metrics, CORE[metrics], types_too=True)
     assert {"baselines", "baselines.nearest", "baselines.learned.graph", "baselines.training.train"} <= OURS.keys()
-    assert len(CORE) > 30
+    assert len(CORE) > 100
 
 
 # One door a library
@@ -149,47 +148,105 @@ def test_the_core_never_imports_the_baselines():
 
 
 def test_the_core_knows_no_strategy_by_name():
-    names = strategies().keys() - STEP_COLUMNS.keys()  # there is a column of the name of one
+    names = strategies().keys() - step_columns("landmark").keys()  # there is a column of the name of one
     for name, path in CORE.items():
         texts = {node.value for node in ast.walk(tree(path)) if isinstance(node, ast.Constant)}
         assert not texts & names, name
 
 
-@pytest.mark.parametrize(
-    ("package", "other"),
-    [
-        ("slam", "simulator"),
-        ("slam", "planning"),
-        ("planning", "simulator"),
-        ("simulator", "slam"),
-        ("simulator", "planning"),
-    ],
-)
-def test_truth_and_belief_do_not_know_each_other(package, other):
+def page():
+    return (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+ROBOT_KNOWS = {"scenario", "signals", "landmark.scenario"}
+"""Modules of `world` that tell nothing of the truth."""
+
+
+def test_what_runs_on_board_never_imports_what_is_true():
+    assert "- `robot` imports of `world` only `scenario`, `signals` and the scenario of its kind" in page()
+    known = set()
     for name, path in CORE.items():
-        if name.startswith(f"explore_bench.{package}"):
-            known = modules(name, path, types_too=True)
-            assert not [one for one in known if one.startswith(f"explore_bench.{other}")], name
+        if name.startswith("explore_bench.robot"):
+            known |= {one for one in modules(name, path, types_too=True) if one.startswith("explore_bench.world.")}
+    assert known == {f"explore_bench.world.{one}" for one in ROBOT_KNOWS}
 
 
-def test_the_baselines_use_public_names_only():
-    for name, path in OURS.items():
-        for base, item in imports(name, path, types_too=True):
-            if base.split(".")[0] == "explore_bench":
-                parts = [*base.split("."), *([item] if item else [])]
-                assert not [part for part in parts if part.startswith("_")], (name, parts)
-                if item:
-                    module = importlib.import_module(base)
-                    assert hasattr(module, item), (name, parts)
+def test_what_is_true_sees_no_estimate():
+    for name, path in CORE.items():
+        if name.startswith("explore_bench.world"):
+            assert not [one for one in modules(name, path, types_too=True) if one.startswith("explore_bench.robot")]
 
 
-def test_the_baselines_reach_no_private_attribute_of_a_module():
-    for name, path in OURS.items():
-        own = {base.split(".")[-1] for base, item in imports(name, path) if base.startswith("explore_bench")}
-        own |= {item for base, item in imports(name, path) if f"{base}.{item}" in CORE}
-        for node in ast.walk(tree(path)):
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in own:
-                assert not node.attr.startswith("_"), (name, ast.unparse(node))
+def test_what_is_shared_knows_no_kind_of_world():
+    """Else an edit of one kind would make the trials of another stale, or ask for its libraries."""
+    assert "Outside of these folders only `world/scenarios.py`, where PAPER is, and the" in page()
+    knowing = {
+        name
+        for name, path in CORE.items()
+        for one in modules(name, path, types_too=True)
+        if any(f".{kind}." in f"{one}." and f".{kind}." not in f"{name}." for kind in KINDS)
+    }
+    root, tours = "explore_bench", "explore_bench.runs.conformance.tours"
+    assert knowing == {root, tours, "explore_bench.world.scenarios"}, "the root for those who read types"
+    for kind, parts in KINDS.items():
+        assert {value.partition(":")[0].split(".")[2] for value in vars(parts).values()} == {kind}
+
+
+# The public names
+
+
+def from_core(name, path):
+    """Return (module, name) of what a file imports of explore_bench."""
+    return {(base, item) for base, item in imports(name, path, types_too=True) if base.split(".")[0] == "explore_bench"}
+
+
+EXAMPLES = {
+    path.relative_to(ROOT / "examples").as_posix(): path
+    for path in sorted((ROOT / "examples").rglob("*.py"))
+    if "plugins" not in path.parts
+}
+
+
+@pytest.mark.parametrize("name", [*OURS, *EXAMPLES])
+def test_baselines_and_examples_import_public_names_from_the_root(name):
+    found = from_core(name, (OURS | EXAMPLES)[name])
+    allowed = {("explore_bench.gymnasium", None)} if name in EXAMPLES else set()
+    for base, item in found - allowed:
+        assert base == "explore_bench", f"{name} imports {base}"
+        assert item is None or item in explore_bench.PUBLIC, f"{name} imports {item}"
+        if item is None:
+            used = [n.attr for n in ast.walk(tree((OURS | EXAMPLES)[name])) if is_of_root(n)]
+            assert set(used) <= {*explore_bench.PUBLIC, "gymnasium"}, (name, used)
+
+
+def is_of_root(node):
+    return isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "explore_bench"
+
+
+def test_most_public_names_are_used_by_what_ships():
+    """A list that nobody needs would prove nothing; the others are for scripts."""
+    used = {item for name, path in (OURS | EXAMPLES).items() for _, item in from_core(name, path)}
+    assert len(used & explore_bench.PUBLIC.keys()) > 0.6 * len(explore_bench.PUBLIC)
+
+
+@pytest.mark.parametrize("name", sorted(explore_bench.PUBLIC))
+def test_a_public_name_is_defined_where_the_list_says(name):
+    module = f"explore_bench.{explore_bench.PUBLIC[name]}"
+    assert module in CORE
+    defined = {n.name for n in tree(CORE[module]).body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+    for node in tree(CORE[module]).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        defined |= {target.id for target in targets if isinstance(target, ast.Name)}
+    assert name in defined
+    assert getattr(explore_bench, name) is getattr(importlib.import_module(module), name)
+    assert not (PACKAGE / name).exists(), "a name and a package"
+    assert not (PACKAGE / f"{name}.py").exists(), "a name and a module"
+
+
+def test_the_page_on_plugins_shows_all_public_names():
+    text = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
+    part = text.split("<!-- begin public -->")[1].split("<!-- end public -->")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE)) == explore_bench.PUBLIC.keys()
 
 
 MAY_IMPORT = {"learned": {"learned"}, "training": {"learned", "training"}}
@@ -208,9 +265,8 @@ def test_no_baseline_imports_another_s(name):
     assert packages <= MAY_IMPORT.get(".".join(name.split(".")[1:2]), set())
 
 
-def test_all_public_names_of_the_package_can_be_had():
-    for name in explore_bench.__all__:
-        assert getattr(explore_bench, name).__name__ == name
+def test_another_name_of_the_package_is_an_attribute_error():
+    assert sorted(explore_bench.PUBLIC) == explore_bench.__all__
     with pytest.raises(AttributeError, match="nothing_of_the_kind"):
         _ = explore_bench.nothing_of_the_kind
 
@@ -225,42 +281,56 @@ def test_importing_the_package_takes_under_0_3_seconds():
     assert not heavy & set(found[0].stdout.splitlines()[1].split())
 
 
-# Layers and cycles
+# Floors and cycles
 
 
-UNNAMED = {"errors": -1, "compiled": -1, "spec": -2, "vehicle": -3}
-"""Layers, from the lowest, of modules that CONTRIBUTING.md leaves out."""
+def floors():
+    """Return the floor of each entry, as the page lists them."""
+    rows = re.findall(r"^\| (\d+) \| (`.*?`) \|", page(), re.MULTILINE)
+    return {entry: int(number) for number, entries in rows for entry in re.findall(r"`(\w+)`", entries)}
 
 
-def layers():
-    """Return the layer of each module, 0 the lowest, as CONTRIBUTING.md lists them from above."""
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    sentence = re.search(r"Imports go down:(.*?)\. `explore_bench` never", text, re.DOTALL)
-    assert sentence, "CONTRIBUTING.md lists the layers"
-    from_above = [re.findall(r"`(\w+)`", part) for part in sentence.group(1).split("→")]
-    assert len(from_above) >= 5
-    found = {name: len(from_above) - 1 - i for i, part in enumerate(from_above) for name in part}
-    return {name: -1 - place for name, place in UNNAMED.items()} | found
+def test_the_page_lists_every_entry_on_at_most_eleven_floors():
+    assert floors().keys() == {name.split(".")[1] for name in CORE if "." in name}
+    assert set(floors().values()) == set(range(1, max(floors().values()) + 1))
+    assert max(floors().values()) <= 11
 
 
-def test_every_module_has_a_layer():
-    parts = {name.split(".")[1] for name in CORE if "." in name}
-    assert parts == layers().keys()
+def test_the_package_has_at_most_fifteen_entries():
+    assert len([path for path in PACKAGE.iterdir() if path.name != "__pycache__"]) <= 15
+
+
+def test_every_module_that_the_page_and_contributing_name_is_there():
+    text = page() + (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:\w+/)*\w+(?:\.py|/))`", text)) - {
+        f"{stage}/lidar/" for stage in ("world", "robot", "trial")
+    }
+    assert len(named) > 40
+    places = (
+        ROOT,
+        PACKAGE,
+        PACKAGE / "robot" / "landmark",
+        PACKAGE / "runs" / "workers",
+        PACKAGE / "runs" / "conformance",
+    )
+    places = (*places, PACKAGE / "trial", PACKAGE / "world" / "landmark", PACKAGE / "trial" / "landmark")
+    lost = [name for name in named if not any((place / name).exists() for place in places)]
+    assert not lost
 
 
 @pytest.mark.parametrize("name", [name for name in CORE if "." in name])
 def test_imports_only_go_down(name):
-    place = layers()
-    for other in modules(name, CORE[name]):
-        if "." in other:
-            assert place[other.split(".")[1]] <= place[name.split(".")[1]], f"{name} imports {other}"
-        else:
-            pytest.fail(f"{name} imports the package's root")
+    floor = floors()
+    own = name.split(".")[1]
+    for other in modules(name, CORE[name], types_too=True):
+        assert "." in other, f"{name} imports the package's root"
+        entry = other.split(".")[1]
+        assert entry == own or floor[entry] < floor[own], f"{name} imports {other}"
 
 
 def test_there_is_no_cycle_of_imports():
     """Those inside functions counted."""
-    graph = {name: modules(name, path) - {name} for name, path in CORE.items()}
+    graph = {name: modules(name, path) - {name} for name, path in CORE.items() if "." in name}
     done, chain = set(), []
 
     def visit(name):
@@ -275,4 +345,4 @@ def test_there_is_no_cycle_of_imports():
 
     for name in graph:
         visit(name)
-    assert done == CORE.keys()
+    assert done == graph.keys()

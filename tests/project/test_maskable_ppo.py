@@ -20,8 +20,8 @@ from explore_bench.trial.decision_process import Course
 from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.trial.steps import Step
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.trial.steps import step_columns
+from explore_bench.world.scenarios import PAPER
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLUGIN = f"{EXAMPLES / 'maskable_ppo.py'}:MaskablePPO"
@@ -54,7 +54,7 @@ def efficiencies(factory, weights=None):
     for trial in range(WORLDS):
         result = run_trial(TrialSpec("any", factory, PAPER, trial, purpose="validate", weights=weights))
         assert result.status is not Status.FAILED, result.reason
-        columns = {name: [getattr(step, name) for step in result.steps] for name in Step._fields}
+        columns = {name: [getattr(step, name) for step in result.steps] for name in step_columns("landmark")}
         found[trial] = METRICS["exploration_efficiency"].value(record(result.status.value, PAPER, **columns))
     return found
 

@@ -3,14 +3,19 @@
 import dataclasses
 import itertools
 import json
+import os
+import shutil
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
 
 import pytest
+import second_kind
 from handmade import TINY, tiny_plan, write_plugin
 
+import baselines
+import explore_bench
 from explore_bench.records import provenance
 from explore_bench.records.provenance import (
     code_digest,
@@ -24,7 +29,9 @@ from explore_bench.records.provenance import (
 )
 from explore_bench.strategies.entry import parse_factory
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 BASE = TrialSpec("nearest", "baselines.nearest:Nearest", TINY, 0)
 
@@ -62,7 +69,7 @@ def test_whatever_defines_a_trial_changes_its_key(fields):
     assert trial_key(changed(**fields)) != trial_key(BASE)
 
 
-@pytest.mark.parametrize("name", sorted(Scenario.model_fields))
+@pytest.mark.parametrize("name", sorted(LandmarkScenario.model_fields.keys() - {"kind"}))
 def test_every_constant_of_the_scenario_changes_the_key(name):
     other = {"fusion": "determinant", "first_sight": "replace", "occlusion": True, "cell_size": 1.0, "coverage": 0.7}
     other |= {"key_pose_spacing": 0.5, "map": ("......",) * 6}
@@ -73,6 +80,11 @@ def test_every_constant_of_the_scenario_changes_the_key(name):
     if name == "obstacle_density":
         new = value / 2
     assert trial_key(changed(scenario=TINY.replace(**{name: new}))) != trial_key(BASE)
+
+
+def test_the_kind_of_world_changes_the_key(monkeypatch):
+    second_kind.registered(monkeypatch)
+    assert trial_key(changed(scenario=Scenario(kind="chess"))) != trial_key(changed(scenario=Scenario(size=16.0)))
 
 
 def test_the_name_of_the_scenario_does_not_change_the_key():
@@ -185,6 +197,8 @@ def test_a_scenario_s_digest_is_twelve_hexadecimal_digits_of_its_constants():
     assert len(digest) == 12
     int(digest, 16)
     assert scenario_digest(TINY.replace(sensor_range=TINY.sensor_range)) == digest
+    card = json.loads((Path(baselines.__file__).parent / "weights" / "graph-stnn-0.json").read_text())
+    assert scenario_digest(PAPER) == card["scenario_digest"], "what weights were trained on is still said by its digest"
     others = {scenario_digest(TINY.replace(**{name: 2 * getattr(TINY, name)})) for name in ("size", "odometry_sigma")}
     assert len(others | {digest}) == 3
 
@@ -270,7 +284,7 @@ def package(tmp_path, monkeypatch, fresh_digests):
         for name in ("__init__", *sources):
             (folder / f"{name}.py").write_text(sources.get(name, ""))
         fresh_digests()
-        return code_digest(f"someones_package.{place}")
+        return code_digest(f"someones_package.{place}", "landmark")
 
     monkeypatch.syspath_prepend(tmp_path)
     yield write
@@ -351,47 +365,28 @@ def test_a_module_of_the_package_that_nothing_imports_does_not_count(package):
 
 
 def modules(factory):
-    return set(provenance._modules(parse_factory(factory)[0]))
+    return set(provenance._modules(parse_factory(factory)[0], "landmark"))
 
 
-CORE = {
-    "explore_bench.trial.run",
-    "explore_bench.trial.landmark",
-    "explore_bench.robot.landmark.driver",
-    "explore_bench.geometry",
-    "explore_bench.world.scenario",
-    "explore_bench.trial.seeding",
-    "explore_bench.robot.planning.astar",
-    "explore_bench.robot.planning.candidates",
-    "explore_bench.world.landmark.world",
-    "explore_bench.world.landmark.motion",
-    "explore_bench.world.landmark.sensor",
-    "explore_bench.robot.landmark.factor_graph",
-    "explore_bench.robot.landmark.marginals",
-    "explore_bench.robot.landmark.smoother",
-    "explore_bench.robot.virtual_map",
-    "explore_bench.robot.occupancy",
-}
+ALL_OF = ("robot", "robot.landmark", "robot.planning", "world.landmark", "trial.landmark")
+"""Packages of which a trial in a landmark world runs every module."""
+
+SOME = {"trial.run", "trial.rollout", "trial.explorer", "trial.steps", "trial.seeding", "geometry", "world.scenario"}
 
 
 def sources(folder):
-    package = Path(provenance.__file__).parent
-    return {f"explore_bench.{folder}.{path.stem}" for path in (package / folder).glob("[a-z]*.py")}
+    package = Path(explore_bench.__file__).parent.joinpath(*folder.split("."))
+    return {f"explore_bench.{folder}.{path.stem}" for path in package.glob("[a-z]*.py")}
 
 
 @pytest.mark.parametrize("factory", ["baselines.nearest:Nearest", "baselines.clairvoyant:Clairvoyant"])
 def test_all_of_the_core_that_a_trial_runs_is_followed(factory):
     followed = modules(factory)
-    assert followed >= CORE
-    assert followed >= sources("simulator")
-    assert followed >= sources("planning")
+    assert followed >= {f"explore_bench.{name}" for name in SOME}
+    for folder in ALL_OF:
+        assert len(sources(folder)) >= 2 or folder == "trial.landmark"
+        assert followed >= sources(folder)
     assert factory.split(":")[0] in followed
-
-
-def test_slam_is_followed_as_far_as_the_strategy_uses_it():
-    """Only a strategy that predicts depends on how that is done."""
-    assert modules("baselines.entropy:Entropy") >= sources("slam")
-    assert "explore_bench.robot.landmark.prediction" not in modules("baselines.nearest:Nearest")
 
 
 @pytest.mark.parametrize("module", ["gcn", "graph_stnn", "graph_stnn_plus"])
@@ -400,8 +395,8 @@ def test_a_learned_strategy_is_followed_into_its_network_and_not_into_its_traini
     followed = modules(f"baselines.learned.{module}:strategy")
     assert {f"baselines.learned.{name}" for name in (module, "policy", "checkpoint")} <= followed
     assert not [name for name in followed if name.startswith("baselines.training")]
-    assert {"explore_bench.trial.reward", "explore_bench.analysis.training_curve"}.isdisjoint(followed)
-    assert "torch" in library_versions(f"baselines.learned.{module}")
+    assert {"explore_bench.trial.reward", "explore_bench.trial.scores"}.isdisjoint(followed)
+    assert "torch" in library_versions(f"baselines.learned.{module}", "landmark")
 
 
 def test_one_learned_strategy_does_not_depend_on_the_networks_of_another():
@@ -409,38 +404,141 @@ def test_one_learned_strategy_does_not_depend_on_the_networks_of_another():
     assert "baselines.learned.gcn" not in modules("baselines.learned.graph_stnn:strategy")
 
 
+HOME = "explore_bench.trial.scores"
+"""Module of a public name that no trial needs."""
+
+
 @pytest.mark.parametrize(
-    "kind", ["from explore_bench.robot.landmark import predict", "import explore_bench.robot.landmark.prediction"]
+    "head",
+    [
+        "from explore_bench import score",
+        "from explore_bench import score as value",
+        "import explore_bench\nwhere = explore_bench.score",
+        "import explore_bench as bench\nwhere = bench.score",
+        "import explore_bench.geometry\nwhere = explore_bench.score",
+        "import explore_bench as bench\nwhere = getattr(bench, 'sc' + 'ore')",
+        "from explore_bench import *",
+        "from explore_bench.trial.scores import score",
+        "import explore_bench.trial.scores",
+    ],
 )
-def test_a_plugin_s_file_is_followed_into_the_core(tmp_path, kind):
-    factory = write_plugin(tmp_path, head=kind)
-    assert "explore_bench.robot.landmark.prediction" in modules(factory)
-    assert "plugin.py" in modules(factory)
+def test_a_plugin_s_file_is_followed_into_the_core_through_the_public_names(tmp_path, head):
+    followed = modules(write_plugin(tmp_path, head=head))
+    assert HOME in followed
+    assert "plugin.py" in followed
+
+
+@pytest.mark.parametrize(
+    "head", ["from explore_bench import Observation", "import explore_bench", "import explore_bench as b\nb.Target"]
+)
+def test_a_plugin_s_file_is_not_followed_to_public_names_that_it_does_not_take(tmp_path, head):
+    assert HOME not in modules(write_plugin(tmp_path, head=head))
 
 
 @pytest.mark.parametrize("factory", ["baselines.nearest:Nearest", "baselines.uncertainty:Uncertainty"])
 def test_what_only_keeps_and_shows_results_is_not_followed(factory):
-    parts = {"records", "metrics", "statistics", "results", "merging", "runner", "workers", "suites", "cli", "perf"}
-    parts |= {"registry", "report"}
-    assert not [name for name in modules(factory) if name.split(".")[1] in parts and name.startswith("explore_bench")]
+    parts = {"records", "analysis", "runs", "report", "cli", "gymnasium"}
+    followed = modules(factory)
+    assert not [name for name in followed if name.split(".")[1] in parts and name.startswith("explore_bench")]
+    assert "explore_bench.strategies.registry" not in followed
 
 
-def test_an_edited_core_changes_every_key(monkeypatch, tmp_path, fresh_digests):
-    """The syntax of one module of the core replaced by another's."""
-    factories = ["baselines.nearest:Nearest", write_plugin(tmp_path)]
-    before = [code_digest(parse_factory(factory)[0]) for factory in factories]
-    code_digest.cache_clear()
-    true_syntax = provenance._syntax
-    monkeypatch.setattr(provenance, "_syntax", lambda path: b"edited" if path.name == "astar.py" else true_syntax(path))
-    after = [code_digest(parse_factory(factory)[0]) for factory in factories]
-    assert all(one != other for one, other in zip(before, after, strict=True))
+# Which edit makes which trials stale, in a copy of the package
+
+
+KEYS = """
+import json, sys
+from pathlib import Path
+
+import explore_bench
+from explore_bench.records.provenance import forget_code, trial_key
+from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
+
+root = Path(sys.argv[1])
+assert Path(explore_bench.__file__).is_relative_to(root)
+STRATEGIES = {
+    "nearest": "baselines.nearest:Nearest",
+    "clairvoyant": "baselines.clairvoyant:Clairvoyant",
+    "public": f"{root / 'public.py'}:Plugin",
+}
+
+def keys():
+    forget_code()
+    return {
+        f"{kind} {name}": trial_key(TrialSpec(name, factory, Scenario(kind=kind), 0))
+        for kind in ("landmark", "chess")
+        for name, factory in STRATEGIES.items()
+    }
+
+found = {}
+before = keys()
+for file in sys.argv[2:]:
+    path = root / file
+    source = path.read_text()
+    path.write_text(source + "\\nEDITED = 1\\n")
+    after = keys()
+    path.write_text(source)
+    found[file] = sorted(name for name in before if after[name] != before[name])
+assert keys() == before
+print(json.dumps(found))
+"""
+
+LANDMARK = ["landmark clairvoyant", "landmark nearest", "landmark public"]
+CHESS = ["chess clairvoyant", "chess nearest", "chess public"]
+STALE = {
+    # of one kind
+    "explore_bench/robot/landmark/smoother.py": LANDMARK,
+    "explore_bench/robot/landmark/graph.py": LANDMARK,
+    "explore_bench/trial/landmark/explorer.py": LANDMARK,
+    "explore_bench/trial/landmark/step.py": LANDMARK,
+    "explore_bench/world/landmark/motion.py": LANDMARK,
+    "second_kind.py": CHESS,
+    # of all
+    "explore_bench/robot/planning/astar.py": CHESS + LANDMARK,
+    "explore_bench/trial/rollout.py": CHESS + LANDMARK,
+    "explore_bench/trial/run.py": CHESS + LANDMARK,
+    "explore_bench/world/scenario.py": CHESS + LANDMARK,
+    # of one strategy
+    "explore_bench/trial/scores.py": ["chess public", "landmark public"],
+    "baselines/clairvoyant.py": ["chess clairvoyant", "landmark clairvoyant"],
+    "public.py": ["chess public", "landmark public"],
+    # of none
+    "explore_bench/__init__.py": [],
+    "explore_bench/trial/__init__.py": [],
+    "explore_bench/trial/reward.py": [],
+    "explore_bench/analysis/metrics.py": [],
+    "explore_bench/records/store.py": [],
+    "explore_bench/report/tables.py": [],
+    "explore_bench/robot/entirely_new.py": [],
+}
+
+
+def test_an_edit_makes_exactly_those_trials_stale_that_run_it(tmp_path):
+    """A function that only the public list leads to, each kind's explorer, the loop: nothing drops out of a key."""
+    for package in (explore_bench, baselines):
+        folder = Path(package.__file__).parent
+        shutil.copytree(folder, tmp_path / folder.name, ignore=shutil.ignore_patterns("__pycache__", "weights"))
+    shutil.copy(second_kind.__file__, tmp_path)
+    (tmp_path / "explore_bench" / "robot" / "entirely_new.py").write_text("")
+    (tmp_path / "public.py").write_text(f"from explore_bench import score\n{SOURCE}")
+    kinds = tmp_path / "explore_bench" / "world" / "kinds.py"
+    parts = ", ".join(f"{name}={value!r}" for name, value in vars(second_kind.CHESS).items())
+    kinds.write_text(kinds.read_text() + f'\nKINDS["chess"] = Kind({parts})\n')
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-c", KEYS, str(tmp_path), *STALE]
+    found = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=False)
+    assert found.returncode == 0, found.stderr
+    assert json.loads(found.stdout) == STALE
 
 
 # Libraries
 
 
 def test_libraries_that_the_trial_s_code_imports_enter_with_their_versions():
-    versions = library_versions("baselines.nearest")
+    versions = library_versions("baselines.nearest", "landmark")
     assert {"gtsam", "numba", "numpy"} <= versions.keys()
     assert "torch" not in versions
     assert versions["numpy"] == installed_version("numpy")
@@ -448,12 +546,12 @@ def test_libraries_that_the_trial_s_code_imports_enter_with_their_versions():
 
 def test_a_strategy_that_imports_torch_depends_on_its_version(tmp_path):
     factory = write_plugin(tmp_path, head="import torch")
-    assert library_versions(parse_factory(factory)[0])["torch"] == installed_version("torch")
+    assert library_versions(parse_factory(factory)[0], "landmark")["torch"] == installed_version("torch")
 
 
 def test_every_library_that_a_plugin_imports_enters_with_its_version(tmp_path):
     factory = write_plugin(tmp_path, head="import json, pytest, yaml_is_no_module\nfrom PIL import Image")
-    versions = library_versions(parse_factory(factory)[0])
+    versions = library_versions(parse_factory(factory)[0], "landmark")
     assert versions["pytest"] == installed_version("pytest")
     assert versions["PIL"] == installed_version("pillow") != "absent"
     assert versions["yaml_is_no_module"] == "absent"
@@ -476,7 +574,7 @@ def test_another_version_of_a_library_changes_the_key(monkeypatch, fresh_digests
     before = trial_key(BASE)
     monkeypatch.setattr(provenance, "version", lambda name: "99.0" if name == "gtsam" else "1.0")
     library_versions.cache_clear()
-    assert library_versions("baselines.nearest")["gtsam"] == "99.0"
+    assert library_versions("baselines.nearest", "landmark")["gtsam"] == "99.0"
     assert trial_key(BASE) != before
 
 
@@ -507,9 +605,9 @@ def test_reading_versions_and_making_a_key_imports_no_torch(tmp_path, layout):
         (tmp_path / name).write_text(source)
     code = f"""
     from explore_bench.records.provenance import library_versions, trial_key
-    from explore_bench.world.scenario import PAPER
+    from explore_bench.world.scenarios import PAPER
     from explore_bench.trial.spec import TrialSpec
-    assert "torch" in library_versions("{factory.split(":")[0]}")
+    assert "torch" in library_versions("{factory.split(":")[0]}", "landmark")
     trial_key(TrialSpec("learner", "{factory}", PAPER, 0))
     """
     found = subprocess.run(

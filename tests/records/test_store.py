@@ -13,13 +13,16 @@ from handmade import TINY, tiny_plan, write_plugin
 
 from explore_bench.errors import RequestError
 from explore_bench.records.provenance import trial_key
-from explore_bench.records.shard import METADATA_KEY
+from explore_bench.records.shard import METADATA_KEY, comparable, read_record, read_replay
 from explore_bench.records.store import PROTOCOL_FILE, Store, missing
+from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.snapshot import REPLAY_COLUMNS, unpack_ellipses, unpack_map
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, STEP_COLUMNS, Step
+from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, step_columns
 from explore_bench.world.scenario import Scenario
+
+STEP_COLUMNS = step_columns("landmark")
 
 
 @pytest.fixture
@@ -47,7 +50,7 @@ def message(function, *arguments):
 
 
 def test_every_column_of_a_step_has_a_type_and_a_unit():
-    assert tuple(STEP_COLUMNS) == Step._fields
+    assert tuple(STEP_COLUMNS) == tuple(field.name for field in dataclasses.fields(LandmarkStep))
     for columns in (STEP_COLUMNS, FINAL_COLUMNS, REPLAY_COLUMNS):
         for name, column in columns.items():
             assert column.dtype, name
@@ -66,6 +69,7 @@ def test_the_files_have_the_columns_and_types_of_the_schema(stored):
     assert written.names == list(wanted)
     types = {"float32": pa.float32(), "float64": pa.float64(), "int32": pa.int32(), "binary": pa.binary()}
     types |= {"list<int32>": pa.list_(pa.int32()), "list<float32>": pa.list_(pa.float32())}
+    types |= {"list<float64>": pa.list_(pa.float64())}
     for name, column in wanted.items():
         assert written.field(name).type == types[column.dtype], name
 
@@ -86,6 +90,16 @@ def test_steps_come_back_in_the_types_of_the_schema(stored):
     assert {name: str(values.dtype) for name, values in record.steps.items()} == {
         name: column.dtype for name, column in STEP_COLUMNS.items()
     }
+
+
+def test_a_record_says_which_robot_made_each_step(stored):
+    """There is one, with the number 0."""
+    assert list(STEP_COLUMNS)[:3] == ["step", "decisions", "robot"]
+    for spec in stored.specs:
+        robots = stored.store.find(spec).steps["robot"]
+        assert robots.dtype == np.int32
+        assert len(robots) > 1
+        assert not robots.any()
 
 
 def test_specification_ending_and_world_come_back(stored):
@@ -214,7 +228,7 @@ def played(store, tmp_path):
 def test_the_replay_s_maps_are_those_of_the_beliefs_within_half_a_level(played):
     replay, beliefs = played
     for packed, belief in zip(replay.maps, beliefs, strict=False):
-        found = unpack_map(packed, TINY.cells)
+        found = unpack_map(packed, TINY.grid.shape)
         assert np.array_equal(np.isnan(found), ~belief.known)
         assert np.abs(found - belief.occupancy)[belief.known].max() <= 0.5 / 200 + 1e-12
 
@@ -222,7 +236,7 @@ def test_the_replay_s_maps_are_those_of_the_beliefs_within_half_a_level(played):
 def test_the_replay_s_ellipses_are_those_of_the_beliefs_within_their_levels(played):
     replay, beliefs = played
     for packed, belief in zip(replay.ellipses, beliefs, strict=False):
-        found = unpack_ellipses(packed, TINY.cells, TINY.virtual_sigma)
+        found = unpack_ellipses(packed, TINY.grid.shape, TINY.virtual_sigma)
         entries = belief.virtual_map
         matrices = np.stack((entries[..., [0, 1]], entries[..., [1, 2]]), axis=-2)
         values, vectors = np.linalg.eigh(matrices)
@@ -339,17 +353,31 @@ def test_a_folder_of_another_protocol_is_refused_by_its_values(own_store, root, 
 
 
 @pytest.mark.parametrize("keys", [("schema", "root", "purpose", "scenario"), ("schema",)], ids=["same", "fewer"])
-def test_a_folder_of_another_record_version_is_refused_by_its_version(own_store, keys):
+@pytest.mark.parametrize(
+    ("version", "words"),
+    [(99, f"of another record version, 99, not {SCHEMA_VERSION}"), (1, "of an older record version, 1, not 2")],
+)
+def test_a_folder_of_another_record_version_is_refused_by_its_version(own_store, keys, version, words):
     """Whatever else another version writes there: nobody is told to delete it as damaged."""
     file = own_store.runs / PROTOCOL_FILE
-    values = json.loads(file.read_text()) | {"schema": 99}
+    values = json.loads(file.read_text()) | {"schema": version}
     file.write_text(json.dumps({key: values[key] for key in keys}))
-    sentence = message(own_store.open, 0, "evaluate", TINY)
-    assert f"record version 99, not {SCHEMA_VERSION}" in sentence
-    assert "--results" in sentence
+    for call in ((own_store.open, 0, "evaluate", TINY), (own_store.protocol,), (own_store.records,)):
+        sentence = message(*call)
+        assert words in sentence
+        assert "--results" in sentence
 
 
-@pytest.mark.parametrize("content", ["", "not json", "[]", "3", '{"schema": 1}', "null", "\udcff"])
+@pytest.mark.parametrize("version", [1, 99])
+def test_a_record_of_another_version_is_never_read(stored, own_store, version):
+    """Neither its rows nor its replay, and no merge takes it."""
+    path = own_store.path(trial_key(stored.specs[0]))
+    of_version(version)(path)
+    for read in (read_record, read_replay, comparable):
+        assert f"record version, {version}, not 2" in message(read, path)
+
+
+@pytest.mark.parametrize("content", ["", "not json", "[]", "3", '{"schema": 2}', "null", "\udcff"])
 def test_a_damaged_protocol_is_named(own_store, content):
     file = own_store.runs / PROTOCOL_FILE
     file.write_bytes(content.encode(errors="surrogateescape"))
@@ -400,10 +428,13 @@ def foreign(path):
     pq.write_table(pa.table({"a": [1, 2]}), path)
 
 
-def other_version(path):
-    table = pq.read_table(path)
-    values = json.loads(table.schema.metadata[METADATA_KEY]) | {"schema": 99}
-    pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(values)}), path)
+def of_version(version):
+    def rewrite(path):
+        table = pq.read_table(path)
+        values = json.loads(table.schema.metadata[METADATA_KEY]) | {"schema": version}
+        pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(values)}), path)
+
+    return rewrite
 
 
 def truncated(path):
@@ -419,7 +450,8 @@ def overwritten(path):
 
 BROKEN = [
     (foreign, "no record of explore-bench"),
-    (other_version, f"record version 99, not {SCHEMA_VERSION}"),
+    (of_version(99), f"of another record version, 99, not {SCHEMA_VERSION}"),
+    (of_version(1), "of an older record version, 1, not 2"),
     (truncated, "no readable record"),
     (lambda path: path.write_bytes(b""), "no readable record"),
     (lambda path: path.write_text("step,x\n1,2\n" * 20), "no readable record"),
@@ -436,7 +468,7 @@ def test_a_file_that_is_no_record_is_named(stored, own_store, damage, words):
     assert words in sentence
 
 
-@pytest.mark.parametrize(("damage", "words"), BROKEN[:5], ids=[words for _, words in BROKEN[:5]])
+@pytest.mark.parametrize(("damage", "words"), BROKEN[:-1], ids=[words for _, words in BROKEN[:-1]])
 def test_a_run_asks_about_no_file_that_is_no_record(stored, own_store, damage, words):
     path = own_store.path(trial_key(stored.specs[0]))
     damage(path)
@@ -540,7 +572,7 @@ def test_trials_of_other_weights_are_left_out_and_counted(store, weighed, fresh_
 
 
 def test_trials_of_other_libraries_are_left_out_and_counted(monkeypatch, own_store, stored):
-    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda place: {"numpy": "0.1"})
+    monkeypatch.setattr("explore_bench.records.provenance.library_versions", lambda *_: {"numpy": "0.1"})
     assert own_store.records() == ([], len(stored.specs))
 
 

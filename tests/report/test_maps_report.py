@@ -9,7 +9,7 @@ from handmade import TINY, record
 
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.report.pages.maps import maps_figure, maps_table, write_map_report
-from explore_bench.world.landmark.world import World
+from explore_bench.world.landmark.world import LandmarkWorld
 
 ERRORS = np.array([1.0, 2.0, 3.0, 5.0])
 MAPS = {"hall": ("......",) * 6, "wall": ("......", "......", "..##..", "......", "......", "......")}
@@ -50,7 +50,8 @@ def records():
             for trial in range(2):
                 one = record(scenario=scenario, strategy=strategy, trial=trial, true_x=[1.0, 3.0], true_y=[1.0, 1.0])
                 spec = dataclasses.replace(one.spec, scenario_name=name)
-                world = World(obstacles.copy(), np.array([[5.0, 5.0]]), (1.0, 1.0, 0.0), 2.0, np.array([35]))
+                start, uncounted = (1.0, 1.0, 0.0), np.array([35])
+                world = LandmarkWorld(scenario.grid, obstacles.copy(), np.array([[5.0, 5.0]]), start, uncounted)
                 made.append(dataclasses.replace(one, spec=spec, world=world))
     return made
 

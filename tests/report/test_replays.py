@@ -6,8 +6,7 @@ import gzip
 import numpy as np
 import pytest
 from handmade import record, with_spec
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from explore_bench.analysis.metrics import curve, exploration_efficiency
 from explore_bench.report.replays import (
@@ -111,19 +110,19 @@ def test_every_step_comes_back_within_the_unit_of_its_column(both):
 def test_every_decision_comes_back(both):
     record_, replay = both
     scenario = record_.spec.scenario
-    n = scenario.cells
+    shape = scenario.grid.shape
     found = unpack_replay(pack_replay(record_, replay))
     assert found["decided_at"].tolist() == replay.steps
     assert found["choice"].tolist() == [-1 if choice is None else choice for choice in replay.choices]
     assert found["candidates"].tolist() == [cell for own in replay.candidates for cell in own or []]
     assert found["candidate_count"].tolist() == [len(own or []) for own in replay.candidates]
-    for i, kinds in enumerate(found["map"].reshape(-1, n, n)):
-        belief = unpack_map(replay.maps[i], n)
+    for i, kinds in enumerate(found["map"].reshape(-1, *shape)):
+        belief = unpack_map(replay.maps[i], shape)
         assert ((kinds == 0) == np.isnan(belief)).all()
         assert ((kinds == 2) == (belief > 0.5)).all()
-        axes = unpack_ellipses(replay.ellipses[i], n, 1.0)
-        assert found["major"].reshape(-1, n, n)[i] == pytest.approx(axes[..., 0], abs=0.51 / AXIS_LEVELS)
-        assert found["minor"].reshape(-1, n, n)[i] == pytest.approx(axes[..., 1], abs=0.51 / AXIS_LEVELS)
+        axes = unpack_ellipses(replay.ellipses[i], shape, 1.0)
+        assert found["major"].reshape(-1, *shape)[i] == pytest.approx(axes[..., 0], abs=0.51 / AXIS_LEVELS)
+        assert found["minor"].reshape(-1, *shape)[i] == pytest.approx(axes[..., 1], abs=0.51 / AXIS_LEVELS)
     landmarks = np.concatenate(replay.landmarks)
     assert found["landmark_count"].tolist() == [len(own) for own in replay.landmarks]
     assert found["landmark_x"] == pytest.approx(landmarks[:, 0], abs=0.0051)
@@ -135,7 +134,7 @@ def test_the_true_world_comes_with_it(both):
     found = unpack_replay(pack_replay(record_, replay))
     assert found["obstacles"] == np.flatnonzero(record_.world.obstacles).tolist()
     assert np.array(found["landmarks"]).reshape(-1, 2) == pytest.approx(record_.world.landmarks, abs=0.0051)
-    assert (found["cells"], found["cellSize"]) == (record_.world.cells, record_.world.cell_size)
+    assert (found["cells"], found["cellSize"]) == (record_.world.grid.columns, record_.world.grid.resolution)
 
 
 @given(st.lists(st.integers(-(2**40), 2**40)))
@@ -157,7 +156,7 @@ def test_what_is_not_finite_counts_as_nothing():
 def test_a_trial_without_a_decision_is_packed_as_nothing(stored, monkeypatch):
     record_ = stored.store.find(stored.specs[0])
     replay = stored.store.replay(stored.specs[0])
-    empty = dataclasses.replace(replay, steps=[], candidates=[], choices=[], maps=[], ellipses=[], landmarks=[])
+    empty = dataclasses.replace(replay, steps=[], candidates=[], choices=[], targets=[], maps=[], ellipses=[], landmarks=[])
     monkeypatch.setattr(stored.store, "replay", lambda spec: empty)
     assert packed(stored.store, record_) == ""
     assert unpack_replay(pack_replay(record_, empty))["map"].size == 0

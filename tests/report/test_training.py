@@ -14,8 +14,9 @@ from matplotlib.colors import to_hex
 
 from explore_bench.analysis.training_curve import CURVE_COLUMNS, CURVE_WINDOW, curve_path
 from explore_bench.errors import RequestError
-from explore_bench.report import style, training
+from explore_bench.report import style
 from explore_bench.report.figures import _by_world
+from explore_bench.report.pages import training
 from explore_bench.report.pages.training import PANELS, TRAINING_FIGURES, on_one_axis, write_training_figures
 from explore_bench.strategies.registry import strategies
 

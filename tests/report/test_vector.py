@@ -4,8 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from explore_bench.report.vector import LONG, TOLERANCE, inline, short_path, slim, thinned, width_of
 

@@ -6,8 +6,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.stats import entropy
 
 from explore_bench.robot.occupancy import (
@@ -143,7 +142,7 @@ def test_what_is_placed_outside_the_map_is_dropped():
 
 def placed_by_numpy(scenario, poses, patches, origins):
     """Log odds and knowledge by whole-grid arithmetic with rotation matrices."""
-    row, column = np.divmod(np.arange(scenario.cell_count), scenario.cells)
+    row, column = np.divmod(np.arange(scenario.cell_count), scenario.grid.columns)
     centres = (np.column_stack((column, row)) + 0.5) * scenario.cell_size
     log_odds, known = np.zeros(scenario.cell_count), np.zeros(scenario.cell_count, dtype=bool)
     for (x, y, estimated), patch, (u, v, true) in zip(poses, patches, origins, strict=True):

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.optimize import minimize_scalar
 
 from explore_bench.robot.virtual_map import VirtualMap, key_poses, uncertainty
@@ -34,11 +33,11 @@ def intersection(a, b, fusion="trace"):
     """A fused with B: the pose stands on the centre of a cell with an exact heading, so that it sees just B."""
     scenario = Scenario(size=4.0, sensor_range=0.5, landmark_count=0, obstacle_count=0, fusion=fusion)
     virtual_map = VirtualMap(scenario)
-    virtual_map.grid[0] = a[0, 0], a[0, 1], a[1, 1]
+    virtual_map.covariances[0] = a[0, 0], a[0, 1], a[1, 1]
     covariance = np.zeros((1, 3, 3))
     covariance[0, :2, :2] = b
     virtual_map.fuse(np.array([[1.0, 1.0, 0.7]]), covariance, np.ones(1, dtype=bool))
-    xx, xy, yy = virtual_map.grid[0]
+    xx, xy, yy = virtual_map.covariances[0]
     return np.array([[xx, xy], [xy, yy]])
 
 
@@ -119,7 +118,7 @@ def random_trajectory(seed, count):
 
 def in_range(scenario, pose):
     """Cells whose centre is within range of a pose, and the offsets of all, by numpy alone."""
-    row, column = np.divmod(np.arange(scenario.cell_count), scenario.cells)
+    row, column = np.divmod(np.arange(scenario.cell_count), scenario.grid.columns)
     dx, dy = (column + 0.5) * scenario.cell_size - pose[0], (row + 0.5) * scenario.cell_size - pose[1]
     return np.hypot(dx, dy) <= scenario.sensor_range, dx, dy
 
@@ -131,12 +130,12 @@ def test_seeing_a_cell_never_raises_its_trace(seed, count):
     virtual_map = VirtualMap(Scenario())
     assert virtual_map.uncertainty == 200.0
     for k in range(count):
-        before = virtual_map.grid[:, 0] + virtual_map.grid[:, 2]
+        before = virtual_map.covariances[:, 0] + virtual_map.covariances[:, 2]
         virtual_map.fuse(poses[k : k + 1], covariances[k : k + 1], np.ones(1, dtype=bool))
-        after = virtual_map.grid[:, 0] + virtual_map.grid[:, 2]
+        after = virtual_map.covariances[:, 0] + virtual_map.covariances[:, 2]
         assert (after <= before * (1.0 + 1e-12)).all()
         assert virtual_map.uncertainty <= 200.0
-    determinants = virtual_map.grid[:, 0] * virtual_map.grid[:, 2] - virtual_map.grid[:, 1] ** 2
+    determinants = virtual_map.covariances[:, 0] * virtual_map.covariances[:, 2] - virtual_map.covariances[:, 1] ** 2
     assert (determinants > 0.0).all()
 
 
@@ -144,7 +143,7 @@ def test_seeing_a_cell_never_raises_its_trace(seed, count):
 def test_the_prior_uncertainty_is_two_sigma_squared_a_cell(size, sigma):
     virtual_map = VirtualMap(Scenario(size=size, virtual_sigma=sigma))
     assert virtual_map.uncertainty == pytest.approx(2.0 * sigma**2 * (size / 2.0) ** 2, rel=1e-12)
-    assert uncertainty(virtual_map.grid) == virtual_map.uncertainty
+    assert uncertainty(virtual_map.covariances) == virtual_map.uncertainty
 
 
 def test_uncertainty_is_the_sum_of_the_traces():
@@ -181,7 +180,7 @@ def test_a_sight_is_the_poses_covariance_carried_to_the_cell_plus_noise(seed):
     seen, dx, dy = in_range(scenario, poses[0])
     for cell in np.flatnonzero(seen):
         expected = candidate(scenario, poses[0], covariances[0], dx[cell], dy[cell])
-        found = virtual_map.grid[cell]
+        found = virtual_map.covariances[cell]
         np.testing.assert_allclose(found, [expected[0, 0], expected[0, 1], expected[1, 1]], rtol=1e-10, atol=1e-12)
 
 
@@ -201,7 +200,7 @@ def test_a_sight_is_the_spread_of_sampled_landmarks():
     angle = poses[:, 2] + bearing
     points = poses[:, :2] + distance[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     expected = np.cov(points.T)
-    found = virtual_map.grid[cell]
+    found = virtual_map.covariances[cell]
     scale = expected.max()
     np.testing.assert_allclose(found, [expected[0, 0], expected[0, 1], expected[1, 1]], atol=0.02 * scale, rtol=0)
 
@@ -211,7 +210,7 @@ def test_a_pose_on_the_centre_of_a_cell_gives_it_its_own_covariance():
     virtual_map = VirtualMap(Scenario())
     covariance = np.diag([0.01, 0.02, 0.001])[None]
     virtual_map.fuse(np.array([[9.0, 9.0, 0.4]]), covariance, np.ones(1, dtype=bool))
-    np.testing.assert_allclose(virtual_map.grid[44], [0.01, 0.0, 0.02], atol=1e-15)
+    np.testing.assert_allclose(virtual_map.covariances[44], [0.01, 0.0, 0.02], atol=1e-15)
 
 
 @settings(max_examples=40, deadline=None)
@@ -225,7 +224,7 @@ def test_only_cells_whose_centre_is_in_range_change(seed, outside):
     virtual_map.fuse(poses, covariances, np.ones(1, dtype=bool))
     seen, _, _ = in_range(scenario, poses[0])
     np.testing.assert_array_equal(virtual_map.seen, seen)
-    np.testing.assert_array_equal((virtual_map.grid != [1.0, 0.0, 1.0]).any(axis=1), seen)
+    np.testing.assert_array_equal((virtual_map.covariances != [1.0, 0.0, 1.0]).any(axis=1), seen)
 
 
 def test_a_centre_exactly_at_the_range_counts():
@@ -249,7 +248,7 @@ def test_fusing_in_two_calls_equals_fusing_in_one(constants, cut):
     whole.fuse(poses, covariances, used)
     parts.fuse(poses[:cut], covariances[:cut], used[:cut])
     parts.fuse(poses[cut:], covariances[cut:], used[cut:])
-    np.testing.assert_array_equal(parts.grid, whole.grid)
+    np.testing.assert_array_equal(parts.covariances, whole.covariances)
     np.testing.assert_array_equal(parts.seen, whole.seen)
 
 
@@ -259,7 +258,7 @@ def test_poses_that_are_not_used_take_no_part():
     some, only = VirtualMap(Scenario()), VirtualMap(Scenario())
     some.fuse(poses, covariances, used)
     only.fuse(poses[::2].copy(), covariances[::2].copy(), np.ones(5, dtype=bool))
-    np.testing.assert_array_equal(some.grid, only.grid)
+    np.testing.assert_array_equal(some.covariances, only.covariances)
 
 
 def test_the_first_sight_replaces_the_prior_and_the_second_is_fused():
@@ -267,11 +266,11 @@ def test_the_first_sight_replaces_the_prior_and_the_second_is_fused():
     virtual_map = VirtualMap(scenario)
     pose, first, second = np.array([[1.0, 1.0, 0.0]]), np.diag([9.0, 4.0, 0.0]), np.diag([2.0, 1.0, 0.0])
     virtual_map.fuse(pose, first[None], np.ones(1, dtype=bool))
-    np.testing.assert_allclose(virtual_map.grid[0], [9.0, 0.0, 4.0], atol=1e-12)
+    np.testing.assert_allclose(virtual_map.covariances[0], [9.0, 0.0, 4.0], atol=1e-12)
     virtual_map.fuse(pose, second[None], np.ones(1, dtype=bool))
-    np.testing.assert_allclose(virtual_map.grid[0], [2.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(virtual_map.covariances[0], [2.0, 0.0, 1.0], atol=1e-12)
     virtual_map.fuse(pose, first[None], np.ones(1, dtype=bool))
-    np.testing.assert_allclose(virtual_map.grid[0], [2.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(virtual_map.covariances[0], [2.0, 0.0, 1.0], atol=1e-12)
 
 
 def test_clear_returns_to_the_prior_and_a_copy_is_independent():
@@ -280,13 +279,13 @@ def test_clear_returns_to_the_prior_and_a_copy_is_independent():
     virtual_map, fresh = VirtualMap(scenario), VirtualMap(scenario)
     virtual_map.fuse(poses, covariances, np.ones(5, dtype=bool))
     kept = virtual_map.copy()
-    grid = virtual_map.grid.copy()
+    covariances_before = virtual_map.covariances.copy()
     virtual_map.clear()
-    np.testing.assert_array_equal(virtual_map.grid, fresh.grid)
+    np.testing.assert_array_equal(virtual_map.covariances, fresh.covariances)
     assert not virtual_map.seen.any()
-    np.testing.assert_array_equal(kept.grid, grid)
+    np.testing.assert_array_equal(kept.covariances, covariances_before)
     kept.fuse(poses, 0.5 * covariances, np.ones(5, dtype=bool))
-    np.testing.assert_array_equal(virtual_map.grid, fresh.grid)
+    np.testing.assert_array_equal(virtual_map.covariances, fresh.covariances)
 
 
 # --- key poses -------------------------------------------------------------------------------------------
@@ -326,7 +325,7 @@ def fused_cells(pose, patch, origin, sensor_range=5.0):
     covariance = 1e-4 * np.eye(3)[None]
     scans = patch[None], np.array([origin])
     virtual_map.fuse(np.array([pose]), covariance, np.ones(1, dtype=bool), scans)
-    changed = (virtual_map.grid != [1.0, 0.0, 1.0]).any(axis=1)
+    changed = (virtual_map.covariances != [1.0, 0.0, 1.0]).any(axis=1)
     np.testing.assert_array_equal(changed, virtual_map.seen)
     return {divmod(cell, 10) for cell in np.flatnonzero(changed).tolist()}
 

@@ -257,7 +257,7 @@ def test_a_damaged_protocol_another_version_or_damaged_times_are_refused(a_and_b
     assert str(b / "times.csv") in refusal([a, b], tmp_path / "into")
     protocol = b / "runs" / PROTOCOL_FILE
     protocol.write_text(json.dumps({**json.loads(protocol.read_text()), "schema": 99}))
-    assert f"record version 99, not {SCHEMA_VERSION}" in refusal([a, b], tmp_path / "into")
+    assert f"record version, 99, not {SCHEMA_VERSION}" in refusal([a, b], tmp_path / "into")
     protocol.write_text("{")
     assert "damaged" in refusal([a, b], tmp_path / "into")
 

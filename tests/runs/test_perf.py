@@ -13,7 +13,7 @@ from explore_bench.runs.perf import Part, measure, text, write_json
 from explore_bench.strategies.entry import Entry
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import PAPER
+from explore_bench.world.scenarios import PAPER
 
 NEAREST = Entry("baselines.nearest:Nearest", "Nearest")
 DECISION_MS = perf._decision_ms

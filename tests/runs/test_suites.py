@@ -9,9 +9,9 @@ from handmade import TINY, write_plugin
 from explore_bench.errors import RequestError
 from explore_bench.runs.suites import SUITES, plan
 from explore_bench.strategies.registry import strategies
-from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.maps import gallery
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 UNTRAINED_BASELINES = {"entropy", "uncertainty", "random", "nearest", "clairvoyant"}
 ABLATIONS = {

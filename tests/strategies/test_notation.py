@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from explore_bench.errors import RequestError
 from explore_bench.strategies.notation import split_parameters, written_parameters

@@ -13,8 +13,9 @@ from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.seeding import PURPOSES, ROLES, stream
 from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.kinds import draw_world
+from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.scenarios import PAPER
 
 COURSE = Course(TINY, "train", 5)
 ODD = RewardWeights(uncertainty=1.0, turning=2.0, length=3.0, error=4.0, steps=5.0, explored=6.0)
@@ -75,7 +76,7 @@ def test_a_robot_that_is_walled_in_has_nothing_to_decide():
     obstacles[3:6, 3:6] = True
     obstacles[4, 4] = False
     scenario = PAPER.replace(sensor_range=2.9, landmark_count=0, obstacle_count=8)
-    world = World(obstacles, np.empty((0, 2)), (9.0, 9.0, 0.5), 2.0)
+    world = LandmarkWorld(scenario.grid, obstacles, np.empty((0, 2)), (9.0, 9.0, 0.5))
     process = DecisionProcess(scenario, world, COURSE.generator(0, "motion"), COURSE.generator(0, "sensor"))
     assert process.observation is None
     assert process.ending.status is Status.STUCK

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from handmade import TINY
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from baselines.learned.graph import sum_in_range
 from explore_bench.geometry import between, centre_of
+from explore_bench.robot.planning.roads import Roads
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_limit, features
-from explore_bench.world.landmark.scenario import PAPER
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 
 CANDIDATE, STATE = list(CANDIDATE_COLUMNS), list(STATE_COLUMNS)
 
@@ -57,13 +57,15 @@ def seen_by_hand():
         known=known,
         virtual_traces=virtual_map[..., 0] + virtual_map[..., 2],
         uncertainty=200.0,
+        peak_trace=float(np.trace(covariances[0])),
         explored=0.4,
     )
     cells = np.array([23, 63])  # (7, 5) m, to the right, and (7, 13) m, ahead
     paths = np.array([22, 23]), np.array([22, 32, 42, 52, 63])
     positions = np.array([(7.0, 5.0), (7.0, 13.0)])
     lengths = np.array([2.0, 6.0 + math.sqrt(8.0)])
-    return features(Observation(belief, 250, 7, cells, positions, paths, lengths))
+    roads = Roads(scenario.grid, known, 22)
+    return features(Observation(belief, 250, 7, cells, positions, paths, lengths, roads))
 
 
 def test_the_candidates_worked_by_hand(seen_by_hand):
@@ -145,7 +147,7 @@ def test_places_are_those_in_the_robot_s_frame():
 def test_unknown_cells_in_view_are_those_that_another_sum_finds():
     for observation in observations(PAPER.replace(size=30.0)):
         unknown = (~observation.belief.known).astype(float)
-        sums = sum_in_range(unknown, observation.positions, 2.0, 5.0)
+        sums = sum_in_range(unknown, observation.positions, observation.scenario.grid, 5.0)
         seen = features(observation)
         assert column(seen, "unknown") * 21.0 == pytest.approx(sums[seen.order], abs=1e-4)
 
@@ -154,7 +156,7 @@ def test_the_turn_is_towards_the_first_waypoint():
     for observation in observations(PAPER):
         seen = features(observation)
         for row, i in enumerate(seen.order):
-            point = centre_of(int(observation.paths[i][1]), 10, 2.0)
+            point = centre_of(PAPER.grid, int(observation.paths[i][1]))
             ahead, left, _ = between(observation.pose, (*point, 0.0))
             assert column(seen, "turn")[row] == pytest.approx(abs(math.atan2(left, ahead)) / math.pi, abs=1e-6)
 

@@ -1,6 +1,6 @@
 """Tiny trials as they were: any change of what is simulated, believed, planned or chosen shows here.
 
-After a change that is meant, write them anew with `python tests/test_golden.py` and look at the difference. All
+After a change that is meant, write them anew with `python tests/trial/test_golden.py` and look at the difference. All
 constants are in the files, so that a new calibration changes nothing.
 """
 
@@ -13,7 +13,7 @@ import pytest
 from explore_bench.geometry import cell_of
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.scenario import Scenario
+from explore_bench.world.landmark.scenario import LandmarkScenario
 
 FOLDER = Path(__file__).parent / "golden"
 
@@ -64,7 +64,7 @@ COUNTS = ("step", "decisions", "collisions", "mislabelled", "landmarks")
 def played(name):
     """Return a trial as plain values."""
     factory, parameters = STRATEGIES[name]
-    scenario = Scenario(**SCENARIO)
+    scenario = LandmarkScenario(**SCENARIO)
     result = run_trial(TrialSpec(name, factory, scenario, TRIAL, parameters, purpose="calibrate"))
     made = [result.snapshots[step] for step in sorted(result.snapshots)]
     return {
@@ -74,7 +74,7 @@ def played(name):
         "landmarks": result.world.landmarks.round(9).tolist(),
         "status": result.status.value,
         "reason": result.reason,
-        "cells": [cell_of(step.x, step.y, scenario.cells, scenario.cell_size) for step in result.steps],
+        "cells": [cell_of(scenario.grid, step.x, step.y) for step in result.steps],
         "decided_at": sorted(result.snapshots),
         "candidates": [snapshot.candidates for snapshot in made],
         "choices": [snapshot.choice for snapshot in made],
@@ -93,7 +93,7 @@ def both(request):
 def test_the_stored_trial_is_of_the_same_scenario_and_strategy(both):
     stored, now = both
     assert (stored["scenario"], stored["strategy"]) == (now["scenario"], now["strategy"])
-    assert Scenario.model_fields.keys() - SCENARIO.keys() <= {"landmark_density", "obstacle_density"}, (
+    assert LandmarkScenario.model_fields.keys() - SCENARIO.keys() <= {"kind", "landmark_density", "obstacle_density"}, (
         "a new constant: name it in SCENARIO, lest its default be part of the reference"
     )
 

@@ -3,15 +3,17 @@
 import dataclasses
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 from handmade import record
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from explore_bench.analysis.metrics import METRICS, curve
-from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward, trajectory_error_now
-from explore_bench.trial.steps import STEP_COLUMNS, Step
+from explore_bench.trial.landmark.step import LandmarkStep
+from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
+from explore_bench.trial.scores import trajectory_error
+from explore_bench.trial.steps import step_columns
 from explore_bench.world.scenario import Scenario
 
 MAP = Scenario(size=20.0)
@@ -23,11 +25,16 @@ ODD = RewardWeights(uncertainty=1.0, turning=2.0, length=3.0, error=4.0, steps=5
 
 def row(**columns):
     """Make a row that is zero elsewhere."""
-    return Step(*([0] * len(Step._fields)))._replace(**columns)
+    return LandmarkStep(**dict.fromkeys(step_columns("landmark"), 0) | columns)
 
 
 BEFORE = row(step=4, decisions=1, uncertainty=150.0, peak_trace=0.04, explored=0.2, path_length=3.0, turned=1.0)
 AFTER = row(step=10, decisions=2, uncertainty=120.0, peak_trace=0.25, explored=0.4, path_length=7.0, turned=2.5)
+
+
+def error_of(row, scenario=MAP):
+    """Eq. 3 at a row."""
+    return trajectory_error(float(row.step), row.peak_trace, scenario)
 
 
 def gained(before=BEFORE, after=AFTER, scenario=MAP, weights=ODD):
@@ -50,7 +57,7 @@ def test_equation_24_worked_by_hand():
     [("uncertainty", 0.3), ("turning", -1.5), ("length", -4.0), ("error", -0.05), ("steps", -0.1), ("explored", 0.4)],
 )
 def test_each_weight_multiplies_its_own_term(name, term):
-    heavier = dataclasses.replace(ODD, **{name: getattr(ODD, name) + 10.0})
+    heavier = replace(ODD, **{name: getattr(ODD, name) + 10.0})
     assert gained(weights=heavier) - gained() == pytest.approx(10.0 * term, rel=1e-9)
 
 
@@ -79,53 +86,53 @@ def test_with_all_weights_one_the_reward_is_the_sum_of_the_terms():
     ],
 )
 def test_a_term_alone_changes_the_reward_in_its_direction(column, change, difference):
-    changed = AFTER._replace(**{column: getattr(AFTER, column) + change})
+    changed = replace(AFTER, **{column: getattr(AFTER, column) + change})
     assert gained(after=changed) - gained() == pytest.approx(difference, rel=1e-9)
 
 
 def test_steps_alone_lower_the_reward():
     """With a certain trajectory e is 0 for any number of steps: 7 more of 100 cells cost 5 · 0.07."""
-    certain = AFTER._replace(peak_trace=0.0)
-    assert gained(after=certain._replace(step=17)) - gained(after=certain) == pytest.approx(-0.35, rel=1e-9)
+    certain = replace(AFTER, peak_trace=0.0)
+    assert gained(after=replace(certain, step=17)) - gained(after=certain) == pytest.approx(-0.35, rel=1e-9)
 
 
 def test_steps_raise_the_trajectory_error_too():
     """7 more of 100 cells cost 5 · 0.07 and 4 · 0.07 · 0.5."""
-    assert gained(after=AFTER._replace(step=17)) - gained() == pytest.approx(-0.35 - 0.14, rel=1e-9)
+    assert gained(after=replace(AFTER, step=17)) - gained() == pytest.approx(-0.35 - 0.14, rel=1e-9)
 
 
 def test_reducing_the_uncertainty_is_rewarded_and_losing_ground_is_punished():
-    same = BEFORE._replace(step=0, peak_trace=0.0, explored=0.0)
+    same = replace(BEFORE, step=0, peak_trace=0.0, explored=0.0)
     assert gained(same, same) == 0.0
-    assert gained(same, same._replace(uncertainty=149.0)) == pytest.approx(0.01)
-    assert gained(same, same._replace(uncertainty=151.0)) == pytest.approx(-0.01)
+    assert gained(same, replace(same, uncertainty=149.0)) == pytest.approx(0.01)
+    assert gained(same, replace(same, uncertainty=151.0)) == pytest.approx(-0.01)
 
 
 @pytest.mark.parametrize("column", ["uncertainty", "turned", "path_length"])
 def test_what_the_decision_changed_counts_and_not_where_it_began(column):
     shift = {column: getattr(BEFORE, column) + 17.0}
-    moved = gained(BEFORE._replace(**shift), AFTER._replace(**{column: getattr(AFTER, column) + 17.0}))
+    moved = gained(replace(BEFORE, **shift), replace(AFTER, **{column: getattr(AFTER, column) + 17.0}))
     assert moved == pytest.approx(gained(), rel=1e-12)
-    assert gained(BEFORE._replace(**shift)) != pytest.approx(gained())
+    assert gained(replace(BEFORE, **shift)) != pytest.approx(gained())
 
 
 @pytest.mark.parametrize("column", ["step", "peak_trace", "explored"])
 def test_error_steps_and_known_share_are_those_after_the_decision(column):
-    assert gained(BEFORE._replace(**{column: 3})) == gained()
+    assert gained(replace(BEFORE, **{column: 3})) == gained()
 
 
 @pytest.mark.parametrize(
     "column",
-    sorted(STEP_COLUMNS.keys() - {"step", "uncertainty", "peak_trace", "explored", "path_length", "turned"}),
+    sorted(step_columns("landmark").keys() - {"step", "uncertainty", "peak_trace", "explored", "path_length", "turned"}),
 )
 def test_nothing_else_of_a_row_matters_the_truth_least(column):
-    assert gained(BEFORE._replace(**{column: 5}), AFTER._replace(**{column: 9})) == gained()
+    assert gained(replace(BEFORE, **{column: 5}), replace(AFTER, **{column: 9})) == gained()
 
 
 def test_uncertainty_and_steps_count_per_cell_of_the_map():
     """Four times the cells, four times ΔU and the steps: the same reward."""
     larger = Scenario(size=40.0)
-    before, after = (r._replace(uncertainty=4 * r.uncertainty, step=4 * r.step) for r in (BEFORE, AFTER))
+    before, after = (replace(r, uncertainty=4 * r.uncertainty, step=4 * r.step) for r in (BEFORE, AFTER))
     assert gained(before, after, larger) == pytest.approx(gained(), rel=1e-12)
 
 
@@ -141,15 +148,15 @@ def test_over_an_episode_the_changes_add_up_to_the_whole(values):
 
 def test_the_trajectory_error_worked_by_hand():
     """Eq. 3: 10 of 100 cells times √0.25; on 40 m 10 of 400."""
-    assert trajectory_error_now(AFTER, MAP) == pytest.approx(0.05)
-    assert trajectory_error_now(AFTER, Scenario(size=40.0)) == pytest.approx(0.0125)
-    assert trajectory_error_now(row(), MAP) == 0.0
+    assert error_of(AFTER) == pytest.approx(0.05)
+    assert error_of(AFTER, Scenario(size=40.0)) == pytest.approx(0.0125)
+    assert error_of(row()) == 0.0
 
 
 def test_the_trajectory_error_is_the_metric_of_a_trial_that_ends_there():
     peaks = [0.01, 0.04, 0.09, 0.2, 0.25]
     made = record(scenario=MAP, peak_trace=peaks)
-    now = [trajectory_error_now(row(step=i, peak_trace=peak), MAP) for i, peak in enumerate(peaks)]
+    now = [error_of(row(step=i, peak_trace=peak)) for i, peak in enumerate(peaks)]
     assert now[-1] == pytest.approx(METRICS["trajectory_error"].value(made), rel=1e-12)
     assert now[1:] == pytest.approx(curve(made, "trajectory_error", 5)[1:].tolist(), rel=1e-12)
 
@@ -157,7 +164,7 @@ def test_the_trajectory_error_is_the_metric_of_a_trial_that_ends_there():
 def test_the_trajectory_error_of_real_rows_is_that_of_the_records(stored):
     for spec, result in zip(stored.specs, stored.results, strict=True):
         made = stored.store.find(spec)
-        now = [trajectory_error_now(step, spec.scenario) for step in result.steps]
+        now = [error_of(step, spec.scenario) for step in result.steps]
         assert now[-1] == pytest.approx(METRICS["trajectory_error"].value(made), rel=1e-12)
         assert now[1:] == pytest.approx(curve(made, "trajectory_error", len(now))[1:].tolist(), rel=1e-12)
 

@@ -22,22 +22,24 @@ from explore_bench.robot.landmark.smoother import Smoother
 from explore_bench.robot.planning.candidates import Withheld
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.landmark.explorer import LandmarkExplorer
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import Status, run_trial
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import Step
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.landmark.motion import Robot
 from explore_bench.world.landmark.sensor import Sensor
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.maps import with_map
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import Scan
+from explore_bench.world.signals import Patch, Scan
 
 SMALL = Scenario(size=12.0)
 PAPER = Scenario()
 
 
-# Strategies, named in specs by "test_trial:Name"
+# Strategies, named in specs by "test_run:Name"
 
 
 class Nearest:
@@ -131,7 +133,7 @@ class Informed(Nearest):
         raise AssertionError("a reference is reset with the world")
 
     def reset_with_world(self, rng, world):
-        assert isinstance(world, World)
+        assert isinstance(world, LandmarkWorld)
         self.decisions = 0
 
 
@@ -161,7 +163,7 @@ def play(scenario, chooser, trial=0, world=None):
 
 
 def known_around(observation, cell):
-    row, column = divmod(cell, observation.scenario.cells)
+    row, column = divmod(cell, observation.scenario.grid.columns)
     return observation.belief.known[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].tolist()
 
 
@@ -268,7 +270,7 @@ def test_observations_and_rows_number_the_decisions(played):
 
 def test_observations_offer_candidates_with_paths_from_the_robot_s_cell(played):
     for observation, _ in decisions_of(played[0]):
-        belief, n = observation.belief, PAPER.cells
+        belief, n = observation.belief, PAPER.grid.columns
         count = len(observation.candidates)
         assert count >= 1
         assert observation.positions.shape == (count, 2)
@@ -283,7 +285,7 @@ def test_observations_offer_candidates_with_paths_from_the_robot_s_cell(played):
             observation.path_lengths,
             strict=True,
         ):
-            assert tuple(position) == centre_of(cell, n, 2.0)
+            assert tuple(position) == centre_of(PAPER.grid, cell)
             assert path[-1] == cell
             assert path[0] == own or not (0 < observation.pose[0] < 20 and 0 < observation.pose[1] < 20)
             assert length == pytest.approx(np.hypot(*np.diff(np.divmod(path, n))).sum() * 2.0)
@@ -352,7 +354,7 @@ def test_a_landmark_sighted_in_the_target_s_cell_ends_the_decision_unless_the_ro
     """From (9, 9) towards the centre of cell 45, (11, 9), with a landmark in its far corner."""
     constants = {"landmark_count": 1, "obstacle_count": 0, "odometry_sigma": 1e-3, "heading_sigma_deg": 1e-3}
     scenario = Scenario(sensor_range=sensor_range, step_length=0.5, **constants)
-    world = World(np.zeros((10, 10), dtype=bool), np.array([[11.95, 9.95]]), (9.0, 9.0, 0.0), 2.0)
+    world = LandmarkWorld(scenario.grid, np.zeros((10, 10), dtype=bool), np.array([[11.95, 9.95]]), (9.0, 9.0, 0.0))
     events = begin(scenario, world=world)
     next(events)
     row = events.send(next(events).candidates.tolist().index(45))
@@ -445,7 +447,8 @@ def test_a_robot_walled_in_is_stuck_at_once():
     obstacles[3:6, 3:6] = True
     obstacles[4, 4] = False
     scenario = Scenario(sensor_range=2.9, landmark_count=0, obstacle_count=8)
-    events, ending = play(scenario, nearest, world=World(obstacles, np.empty((0, 2)), (9.0, 9.0, 0.5), 2.0))
+    world = LandmarkWorld(scenario.grid, obstacles, np.empty((0, 2)), (9.0, 9.0, 0.5))
+    events, ending = play(scenario, nearest, world=world)
     assert ending.status is Status.STUCK
     assert ending.reason == "no frontier can be reached"
     assert len(events) == 1
@@ -571,7 +574,7 @@ def test_a_strategy_that_cannot_begin_makes_a_failed_trial_without_rows(strategy
     assert result.status is Status.FAILED
     assert ("glove box" in result.reason) or ("NotThere" in result.reason)
     assert result.steps == []
-    assert result.world.cells == SMALL.cells
+    assert result.world.grid == SMALL.grid
 
 
 def test_what_a_strategy_prints_goes_to_stderr_and_changes_nothing(tmp_path, capsys, honest_small):
@@ -724,14 +727,16 @@ def test_the_walk_does_find_what_is_there(mid_trial):
     observation = mid_trial[0]
     belief = observation.belief
     found = {id(item) for item in reachable_from(observation)}
-    parts = [belief, belief.poses, belief.linearization.odometry_to, belief.elimination.corner, belief.scenario]
+    graph = belief.graph
+    parts = [belief, belief.poses, graph.linearization.odometry_to, graph.elimination.corner, belief.scenario]
+    parts += [observation.roads, observation.roads.free]
     assert all(id(part) in found for part in [*parts, *observation.paths])
     hidden = types.SimpleNamespace(held=[{"deep": (mid_trial[2],)}])
-    assert any(isinstance(item, World) for item in reachable_from(hidden))
+    assert any(isinstance(item, LandmarkWorld) for item in reachable_from(hidden))
 
 
 def test_no_object_of_the_simulator_can_be_reached(mid_trial):
-    forbidden = (World, Scan, Robot, Sensor, Smoother, Withheld, Step, np.random.Generator, types.GeneratorType)
+    forbidden = (LandmarkWorld, LandmarkExplorer, Scan, Patch, Robot, Sensor, Smoother, Withheld, Step, np.random.Generator, types.GeneratorType)
     frames = (types.FrameType, types.MethodType)
     assert not [item for item in reachable_from(mid_trial[0]) if isinstance(item, forbidden + frames)]
 
@@ -855,19 +860,19 @@ def test_a_world_of_a_map_may_have_fewer_landmarks_but_not_more():
 @pytest.mark.parametrize("name", ["cave", "corridor", "loop", "rooms"])
 def test_every_map_of_the_gallery_is_explored_by_the_nearest_frontier(name):
     scenario = with_map(PAPER.replace(occlusion=True), name)
-    result = run_trial(TrialSpec("nearest", "test_trial:Nearest", scenario, 0))
+    result = run_trial(TrialSpec("nearest", f"{__name__}:Nearest", scenario, 0))
     assert result.status is Status.EXPLORED
     assert len(result.steps) < scenario.step_limit / 4
 
 
 def test_the_reference_explores_a_map_whose_cells_do_not_all_count():
     spec = TrialSpec("clairvoyant", "baselines.clairvoyant:Clairvoyant", ROOMS, 0, reference=True)
-    known, blind = run_trial(spec), run_trial(TrialSpec("nearest", "test_trial:Nearest", ROOMS, 0))
+    known, blind = run_trial(spec), run_trial(TrialSpec("nearest", f"{__name__}:Nearest", ROOMS, 0))
     assert known.status is blind.status is Status.EXPLORED
     assert len(known.steps) <= 1.2 * len(blind.steps)
 
 
 def test_a_trial_in_a_map_is_the_same_every_time():
-    first, second = (run_trial(TrialSpec("nearest", "test_trial:Nearest", ROOMS, 1)) for _ in range(2))
+    first, second = (run_trial(TrialSpec("nearest", f"{__name__}:Nearest", ROOMS, 1)) for _ in range(2))
     assert first.steps == second.steps
     assert first.world.digest == second.world.digest

@@ -3,15 +3,16 @@
 import pickle
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 from pydantic import ValidationError
 
 from explore_bench.errors import RequestError
-from explore_bench.world.landmark.scenario import CHEN_2020, PAPER
+from explore_bench.geometry import Grid
+from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import CHEN_2020, PAPER
 
-NUMBERS = [name for name, field in Scenario.model_fields.items() if "float" in str(field.annotation)]
+NUMBERS = [name for name, field in LandmarkScenario.model_fields.items() if "float" in str(field.annotation)]
 
 
 def assert_one_sentence(error):
@@ -81,7 +82,7 @@ def test_scenarios_are_immutable():
 
 def test_scenarios_are_equal_and_hash_by_value_whatever_was_asked_of_them():
     asked, fresh = Scenario(size=30.0), Scenario(size=30.0)
-    assert asked.cells == 15
+    assert asked.grid == Grid(15, 15, 2.0)
     assert asked == fresh
     assert hash(asked) == hash(fresh)
     assert asked != Scenario(size=40.0)
@@ -94,6 +95,51 @@ def test_replace_keeps_the_rest_and_validates_anew():
     assert CHEN_2020.coverage == 0.85
     with pytest.raises(RequestError, match=r"coverage.*1\.5"):
         CHEN_2020.replace(coverage=1.5)
+
+
+# Kinds of world
+
+
+@pytest.mark.parametrize("values", [{}, {"kind": "landmark"}, {"kind": "landmark", "size": 30.0}])
+def test_a_scenario_is_one_of_its_kind_of_world_landmarks_by_default(values):
+    scenario = Scenario(**values)
+    assert type(scenario) is LandmarkScenario
+    assert scenario.kind == "landmark"
+    assert scenario == LandmarkScenario(**values)
+
+
+@pytest.mark.parametrize("change", [{}, {"size": 30.0}, {"map": ("...", "...")}, {"landmark_count": 2}])
+def test_the_kind_goes_through_dumps_copies_and_pickles(change):
+    scenario = Scenario(**change)
+    assert scenario.model_dump()["kind"] == "landmark"
+    for copy in (Scenario(**scenario.model_dump()), scenario.replace(), pickle.loads(pickle.dumps(scenario))):
+        assert type(copy) is LandmarkScenario
+        assert copy == scenario
+    assert scenario.replace(kind="landmark", coverage=0.5) == scenario.replace(coverage=0.5)
+    assert (type(scenario.blind), type(scenario.tiny)) == (LandmarkScenario, LandmarkScenario)
+
+
+@pytest.mark.parametrize(
+    ("kind", "named"),
+    [
+        ("landmarks", "kind of world 'landmarks' is unknown; did you mean 'landmark'?"),
+        ("sea", "kind of world 'sea' is unknown; choose one of landmark."),
+        (3, "kind of world '3' is unknown"),
+        (["landmark"], "is unknown"),
+    ],
+)
+def test_an_unknown_kind_is_refused_with_the_nearest(kind, named):
+    with pytest.raises(RequestError) as error:
+        Scenario(kind=kind)
+    assert named in str(error.value)
+    assert_one_sentence(error)
+
+
+def test_a_scenario_of_one_kind_is_not_made_with_another_s_name():
+    for made in (PAPER.replace, LandmarkScenario):
+        with pytest.raises(RequestError, match=r"'kind' is 'sea'") as error:
+            made(kind="sea")
+        assert_one_sentence(error)
 
 
 # Refusals
@@ -188,7 +234,7 @@ MAP = ("#####", "#..S#", "#...#", "##.##", "#####")
 
 def test_the_size_follows_from_a_map():
     scenario = Scenario(map=list(MAP))
-    assert (scenario.map, scenario.size, scenario.cells) == (MAP, 10.0, 5)
+    assert (scenario.map, scenario.size, scenario.grid.columns) == (MAP, 10.0, 5)
     assert Scenario(map=MAP, cell_size=0.5, arrival_radius=0.1).size == 2.5
     assert Scenario(map=("....", "....")).size == 8.0
     assert Scenario(map=MAP, size=10.0) == scenario

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from explore_bench.errors import RequestError
-from explore_bench.world.landmark.scenario import CHEN_2020, PAPER
+from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.maps import gallery
-from explore_bench.world.scenarios import SCENARIOS, load_scenario
+from explore_bench.world.scenarios import CHEN_2020, PAPER, SCENARIOS, load_scenario
 
 
 @pytest.fixture
@@ -45,6 +45,21 @@ def test_an_empty_file_is_the_paper_s_scenario(toml):
     assert load_scenario(toml("# nothing\n")) == PAPER
 
 
+@pytest.mark.parametrize("text", ["", "size = 30.0\n", 'extends = "chen2020"\n', 'map = "loop"\n'])
+def test_a_file_without_a_kind_is_of_the_landmarks_and_the_same_as_one_with_it(toml, text):
+    scenario = load_scenario(toml(text))
+    assert type(scenario) is LandmarkScenario
+    assert load_scenario(toml(f'kind = "landmark"\n{text}')) == scenario
+
+
+def test_a_file_of_an_unknown_kind_is_refused_by_its_name_with_the_nearest(toml):
+    path = toml('kind = "landmarks"\n')
+    with pytest.raises(RequestError, match=r"'landmarks' is unknown; did you mean 'landmark'\?") as error:
+        load_scenario(path)
+    assert str(error.value).startswith(f"scenario file '{path}'")
+    assert_one_sentence(error)
+
+
 def test_a_file_may_extend_a_named_scenario(toml):
     scenario = load_scenario(toml('extends = "chen2020"\ncoverage = 0.5\n'))
     assert scenario == CHEN_2020.replace(coverage=0.5)
@@ -67,6 +82,9 @@ def test_a_file_may_extend_a_named_scenario(toml):
         ('extends = ["paper"]', "extends"),
         ("extends = {name = 'paper'}", "extends"),
         ("self = 1", "'self'"),
+        ("kind = 3", "kind of world '3'"),
+        ('kind = ["landmark"]', "kind of world"),
+        ('extends = "paper"\nkind = "sea"', "'kind' is 'sea'"),
     ],
 )
 def test_a_wrong_file_is_refused_by_its_name_and_what_is_wrong(toml, text, named):

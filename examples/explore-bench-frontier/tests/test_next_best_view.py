@@ -8,8 +8,7 @@ from explore_bench_frontier import STRATEGIES
 from explore_bench_frontier.claims import CLAIMS
 from explore_bench_frontier.next_best_view import NextBestView, unknown_area
 
-from explore_bench import RequestError, Scenario
-from explore_bench.runs.conformance import check
+from explore_bench import RequestError, Scenario, check
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.signals import Command
 
 
-@dataclass(frozen=True, slots=True)
-class Driver:
+class Driver(NamedTuple):
     """The rule by which the robot drives: turn when the bearing is off by more than a threshold, else go straight.
+
+    A named tuple, so compiled functions take it.
 
     Attributes
     ----------
@@ -35,39 +36,46 @@ class Driver:
 
     def command(self, pose: Pose, waypoint: tuple[float, float]) -> Command | None:
         """Next command towards a waypoint [m], or None when it is reached."""
-        turn, forward = _command(pose, waypoint, self.step_length, self.turn_threshold, self.arrival_radius)
+        turn, forward = _command(self, pose, waypoint)
         return None if turn == 0.0 and forward == 0.0 else (turn, forward)
 
     def follow(self, pose: Pose, waypoints: Array) -> Array:
         """Commands that follow waypoints of shape (W, 2) [m] without noise, as rows (turn, forward), shape (K, 2)."""
-        return _follow(pose, waypoints, self.step_length, self.turn_threshold, self.arrival_radius)
+        return _follow(self, pose, waypoints)
 
 
 @jit
-def _command(
-    pose: Pose,
-    waypoint: tuple[float, float],
-    step_length: float,
-    turn_threshold: float,
-    arrival_radius: float,
-) -> Command:
+def _command(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> Command:
+    """Next command towards a waypoint; (0, 0) when it is reached."""
     dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
     distance = math.hypot(dx, dy)
-    if distance <= arrival_radius:
+    if distance <= driver.arrival_radius:
         return 0.0, 0.0
     turn = wrap_angle(math.atan2(dy, dx) - pose[2])
-    if abs(turn) > turn_threshold:
+    if abs(turn) > driver.turn_threshold:
         return turn, 0.0
-    return 0.0, min(step_length, distance)
+    return 0.0, min(driver.step_length, distance)
 
 
 @jit
-def _follow(pose: Pose, waypoints: Array, step_length: float, turn_threshold: float, arrival_radius: float) -> Array:
+def drive_to(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> tuple[int, Pose]:
+    """Steps that a robot without noise takes to reach a waypoint [m], and its pose there."""
+    steps = 0
+    while True:
+        turn, forward = _command(driver, pose, waypoint)
+        if turn == 0.0 and forward == 0.0:
+            return steps, pose
+        pose = compose(pose, (forward, 0.0, turn))
+        steps += 1
+
+
+@jit
+def _follow(driver: Driver, pose: Pose, waypoints: Array) -> Array:
     commands = []
     for w in range(waypoints.shape[0]):
         waypoint = (waypoints[w, 0], waypoints[w, 1])
         while True:
-            turn, forward = _command(pose, waypoint, step_length, turn_threshold, arrival_radius)
+            turn, forward = _command(driver, pose, waypoint)
             if turn == 0.0 and forward == 0.0:
                 break
             commands.append((turn, forward))

@@ -117,7 +117,7 @@ def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray
             if neighbour < 0 or closed[neighbour]:
                 continue
             through = cost[cell] + (1.0 if direction < 4 else SQRT2)
-            if through < cost[neighbour] - 1e-12:
+            if through < cost[neighbour] - 1e-12:  # not for the rounding of a way of the same length
                 cost[neighbour] = through
                 parent[neighbour] = cell
                 _push(heap_key, heap_cell, size, through + _octile(neighbour, goal, columns), neighbour)
@@ -127,7 +127,7 @@ def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray
 
 @jit
 def _before(key: float, cell: int, other_key: float, other_cell: int) -> bool:
-    if abs(key - other_key) > 1e-9:
+    if abs(key - other_key) > 1e-9:  # keys that differ by rounding are equal, and the lower cell comes first
         return key < other_key
     return cell < other_cell
 

@@ -14,8 +14,9 @@ from explore_bench.geometry import Pose
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.rollout import rollout
 from explore_bench.trial.seeding import Role, stream
-from explore_bench.world.landmark.scenario import PAPER, LandmarkScenario
+from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.scenarios import PAPER
 
 
 @dataclass(frozen=True)

@@ -94,4 +94,8 @@ def _with_files(parcel: Parcel, folder: Path) -> TrialSpec:
 def _versions(spec: TrialSpec) -> dict[str, str]:
     place, _ = parse_factory(spec.factory)
     weights = {"weights": weights_digest(spec.weights)[:8]} if spec.weights else {}
-    return {"code": code_digest(place)[:8], **weights, **library_versions(place)}
+    return {
+        "code": code_digest(place, spec.scenario.kind)[:8],
+        **weights,
+        **library_versions(place, spec.scenario.kind),
+    }

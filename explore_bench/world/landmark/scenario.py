@@ -129,20 +129,3 @@ class LandmarkScenario(Scenario):
                 if f"{thing}_{given}" in changes:
                     kept.pop(f"{thing}_{other}", None)
         return kept
-
-
-PAPER = LandmarkScenario()
-
-CHEN_2020 = LandmarkScenario(
-    size=40.0,
-    sensor_range=6.0,
-    landmark_count=8,
-    obstacle_count=0,
-    candidates_per_robot=1,
-    candidates_per_landmark=1,
-    step_length=2.0,
-    odometry_sigma=0.1,
-    coverage=0.85,
-    first_sight="replace",
-    fusion="determinant",
-)

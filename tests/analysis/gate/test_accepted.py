@@ -122,7 +122,7 @@ def test_a_reason_of_spaces_is_none(results, reference):
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        (NOTE_FILE, '{"schema": 0, "reason": "old"}', "is a reference of protocol version 0, not 1; .*to renew it"),
+        (NOTE_FILE, '{"schema": 0, "reason": "old"}', "is a reference of protocol version 0, not 2; .*to renew it"),
         (NOTE_FILE, '{"reason": "old"}', r"accepted\.json' is damaged; .*to make it anew"),
         (NOTE_FILE, "[]", "is damaged"),
         (NOTE_FILE, "{", "is damaged"),

@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from handmade import trial_rows, write_thresholds
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.gate.judging import LEVEL, Verdict, decide, judge
@@ -342,7 +341,7 @@ def test_a_reference_of_another_protocol_version_is_refused_and_renewed(folders,
     note = place / "reference" / "accepted.json"
     note.write_text(json.dumps({"schema": 0, "reason": "old"}))
     assert call_quietly("gate", "--results", place / "now", *of(place)) == 2
-    assert "is a reference of protocol version 0, not 1" in capsys.readouterr().err
+    assert "is a reference of protocol version 0, not 2" in capsys.readouterr().err
     assert call_quietly("gate", "--results", place / "now", *of(place), "--accept", "--reason", "new protocol") == 0
     assert call_quietly("gate", "--results", place / "now", *of(place)) == 0
 

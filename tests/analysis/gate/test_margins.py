@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.stats import t, ttest_1samp
 
 from explore_bench.analysis.gate.margins import beyond_p, holm_levels, lower_bound, power, upper_bound

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from handmade import trial_rows as trials
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from explore_bench.analysis.gate.pairs import pair_up
 from explore_bench.analysis.gate.thresholds import Threshold

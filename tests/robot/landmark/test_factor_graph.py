@@ -6,19 +6,22 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
-from slam_reference import moved, scan_of, small_drive, values_of
+from slam_reference import moved, sightings_of, small_drive, values_of
 
 from explore_bench.robot.landmark.factor_graph import FactorGraph
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.signals import Odometry
 
 START = (4.0, 5.0, 2.0)
+ODOMETRY = Scenario().noise.odometry((0.0, 0.5))
+"""Of half a metre straight ahead."""
 
 
 def test_landmarks_are_numbered_by_first_sighting():
     graph = FactorGraph(Scenario(), START)
     assert graph.landmark_ids == []
-    graph.add(None, scan_of([(7, 0.1, 2.0), (3, -1.0, 3.0)]))
-    graph.add((0.0, 0.5), scan_of([(5, 0.4, 2.0), (3, -1.1, 3.0)]))
+    graph.add(None, sightings_of([(7, 0.1, 2.0), (3, -1.0, 3.0)]))
+    graph.add(ODOMETRY, sightings_of([(5, 0.4, 2.0), (3, -1.1, 3.0)]))
     assert graph.landmark_ids == [7, 3, 5]
     assert graph.numbers(np.array([5, 7, 3])) == [2, 0, 1]
     _, landmarks = graph.estimate()
@@ -28,7 +31,7 @@ def test_landmarks_are_numbered_by_first_sighting():
 def test_a_landmark_lies_where_it_was_sighted():
     """From (4, 5) looking along 2 rad, bearing 0.1 and range 2, and again under its number."""
     graph = FactorGraph(Scenario(), START)
-    graph.add(None, scan_of([(7, 0.1, 2.0), (3, -1.0, 3.0)]))
+    graph.add(None, sightings_of([(7, 0.1, 2.0), (3, -1.0, 3.0)]))
     _, landmarks = graph.estimate()
     expected = [
         (4.0 + 2.0 * math.cos(2.1), 5.0 + 2.0 * math.sin(2.1)),
@@ -39,7 +42,7 @@ def test_a_landmark_lies_where_it_was_sighted():
 
 def test_the_first_pose_is_the_start():
     graph = FactorGraph(Scenario(), START)
-    assert graph.add(None, scan_of([]))
+    assert graph.add(None, sightings_of([]))
     poses, landmarks = graph.estimate()
     np.testing.assert_allclose(poses, [START], atol=1e-12)
     assert landmarks.shape == (0, 2)
@@ -49,28 +52,29 @@ def test_the_first_pose_is_the_start():
 def test_without_a_sighting_only_the_newest_pose_is_new():
     """The start and every sighting may move earlier variables; mere odometry does not, and says so."""
     graph = FactorGraph(Scenario(), START)
-    assert graph.add(None, scan_of([(1, 0.0, 2.0)]))
+    assert graph.add(None, sightings_of([(1, 0.0, 2.0)]))
     pose = START
     for command in [(0.0, 0.5), (0.7, 0.0), (0.0, 0.3)]:
         earlier, landmarks = graph.estimate()
-        assert not graph.add(command, scan_of([]))
+        assert not graph.add(Scenario().noise.odometry(command), sightings_of([]))
         pose = moved(pose, command)
         poses, still = graph.estimate()
         np.testing.assert_allclose(poses[-1], pose, atol=1e-9)
         np.testing.assert_array_equal(poses[:-1], earlier)
         np.testing.assert_array_equal(still, landmarks)
-    assert graph.add((0.0, 0.5), scan_of([(1, 0.2, 1.5)]))
+    assert graph.add(ODOMETRY, sightings_of([(1, 0.2, 1.5)]))
 
 
 def replay(drive):
     """The steps of a drive given to a graph of its own: (what `add` said, sightings, largest change of the past)."""
     graph = FactorGraph(drive.scenario, drive.world.start)
     before = np.empty((0, 3)), np.empty((0, 2))
-    for command, scan in zip([None, *drive.commands], drive.scans, strict=True):
-        said = graph.add(command, scan)
+    odometries = [None, *map(drive.scenario.noise.odometry, drive.commands)]
+    for odometry, scan in zip(odometries, drive.scans, strict=True):
+        said = graph.add(odometry, scan.sightings)
         estimate = graph.estimate()
         changes = [np.abs(new[: len(old)] - old).max(initial=0.0) for new, old in zip(estimate, before, strict=True)]
-        yield said, len(scan.landmarks), max(changes)
+        yield said, len(scan.sightings.landmarks), max(changes)
         before = estimate
 
 
@@ -95,21 +99,31 @@ def test_most_steps_without_a_sighting_move_nothing(seed):
 
 def test_the_newest_pose_is_the_last_of_the_estimate():
     graph = FactorGraph(Scenario(), START)
-    graph.add(None, scan_of([(1, 0.3, 2.0)]))
+    graph.add(None, sightings_of([(1, 0.3, 2.0)]))
     for k in range(6):
-        graph.add((0.0, 0.5), scan_of([(1, 0.5 + 0.2 * k, 1.8)] if k % 2 else []))
+        graph.add(ODOMETRY, sightings_of([(1, 0.5 + 0.2 * k, 1.8)] if k % 2 else []))
         newest = graph.newest_pose()
         poses, _ = graph.estimate()
         assert newest == pytest.approx(tuple(poses[-1]), abs=1e-9)
     assert poses.shape == (7, 3)
 
 
+def test_odometry_need_not_be_what_a_command_asks_for():
+    """Sideways as well as forward, turned: the estimate goes where the odometry says, from (4, 5, 2 rad)."""
+    graph = FactorGraph(Scenario(), START)
+    graph.add(None, sightings_of([]))
+    assert not graph.add(Odometry((0.3, -0.1, 0.4), (0.1, 0.2, 0.05)), sightings_of([]))
+    c, s = math.cos(2.0), math.sin(2.0)
+    expected = (4.0 + 0.3 * c + 0.1 * s, 5.0 + 0.3 * s - 0.1 * c, 2.4)
+    np.testing.assert_allclose(graph.newest_pose(), expected, atol=1e-9)
+
+
 def test_more_than_ten_poses_and_landmarks_keep_their_order():
     """Keys sort by number, not by their decimal digits."""
     graph = FactorGraph(Scenario(), (0.0, 0.0, 0.0))
-    graph.add(None, scan_of([(100 - i, 0.1 * i, 3.0) for i in range(12)]))
+    graph.add(None, sightings_of([(100 - i, 0.1 * i, 3.0) for i in range(12)]))
     for _ in range(12):
-        graph.add((0.0, 0.5), scan_of([]))
+        graph.add(ODOMETRY, sightings_of([]))
     poses, landmarks = graph.estimate()
     np.testing.assert_allclose(poses[:, 0], 0.5 * np.arange(13), atol=1e-9)
     np.testing.assert_allclose(np.arctan2(*landmarks.T[::-1]), 0.1 * np.arange(12), atol=1e-9)
@@ -122,9 +136,10 @@ def test_two_sightings_are_weighed_by_their_noise():
     The start x₀ ~ N(0, 0.05²), x₁ − x₀ = 0.5, l − x₀ = 3 and l − x₁ = 2.6 give by least squares a step of
     (0.5/0.07² + 0.4/(2 · 0.02²)) / (1/0.07² + 1/(2 · 0.02²)).
     """
-    graph = FactorGraph(Scenario(odometry_sigma=0.07), (0.0, 0.0, 0.0))
-    graph.add(None, scan_of([(0, 0.0, 3.0)]))
-    graph.add((0.0, 0.5), scan_of([(0, 0.0, 2.6)]))
+    scenario = Scenario(odometry_sigma=0.07)
+    graph = FactorGraph(scenario, (0.0, 0.0, 0.0))
+    graph.add(None, sightings_of([(0, 0.0, 3.0)]))
+    graph.add(scenario.noise.odometry((0.0, 0.5)), sightings_of([(0, 0.0, 2.6)]))
     poses, _ = graph.estimate()
     by_odometry, by_ranges = 1.0 / 0.07**2, 1.0 / (2.0 * 0.02**2)
     step = (0.5 * by_odometry + 0.4 * by_ranges) / (by_odometry + by_ranges)
@@ -135,7 +150,7 @@ def test_two_sightings_are_weighed_by_their_noise():
 def test_the_estimate_is_near_the_batch_optimum(seed):
     """Three sightings in a row: one iteration a step and a relinearization beyond 0.01 leave it a centimetre off."""
     drive = small_drive(seed, 80)
-    while not all(len(scan.landmarks) for scan in drive.scans[-3:]):
+    while not all(len(scan.sightings.landmarks) for scan in drive.scans[-3:]):
         drive.step()
     initial = values_of(drive.smoother.poses, drive.smoother.landmarks)
     optimum = gtsam.LevenbergMarquardtOptimizer(drive.graph(), initial).optimize()

@@ -1,19 +1,16 @@
 """Jacobian blocks against gtsam's own factors, numerical derivatives, and numbers worked by hand."""
 
 import math
-from dataclasses import astuple
 
 import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.linalg import expm
-from slam_reference import PINNED, odometry_factor, sighting_factor
+from slam_reference import PINNED, diagonal, odometry_factor, sighting_factor
 
 from explore_bench.robot.landmark.linearization import linearize_odometry, linearize_sightings
-from explore_bench.world.landmark.noise import NoiseModel
 from explore_bench.world.scenario import Scenario
 
 SCENARIO = Scenario(**PINNED)
@@ -24,18 +21,15 @@ TWISTS = OFFSETS.filter(lambda w: abs(w) > 0.05)
 """Residual headings: nearer to zero gtsam's own derivative of the logarithm cancels (off by 0.5 at 1e-5 rad)."""
 
 
-def odometry_blocks(poses, commands, noise=None):
-    noise = noise or NoiseModel.of(SCENARIO)
+def odometry_blocks(poses, commands):
     count = len(commands)
     of_from, of_to = np.full((count, 3, 3), np.nan), np.full((count, 3, 3), np.nan)
-    linearize_odometry(
-        0, np.array(poses), np.array(commands), noise.straight, noise.turn, noise.heading, of_from, of_to
-    )
+    linearize_odometry(0, np.array(poses), *SCENARIO.noise.odometries(np.array(commands)), of_from, of_to)
     return of_from, of_to
 
 
 def sighting_blocks(poses, landmarks, pairs):
-    noise = NoiseModel.of(SCENARIO)
+    noise = SCENARIO.noise
     of_pose, of_landmark = np.full((len(pairs), 2, 3), np.nan), np.full((len(pairs), 2, 2), np.nan)
     seen_from, seen = (np.array(column, dtype=np.int64) for column in zip(*pairs, strict=True))
     linearize_sightings(
@@ -108,6 +102,29 @@ def test_odometry_blocks_are_the_derivative_of_gtsams_error(pose, command, offse
         np.testing.assert_allclose(block, expected, atol=1e-7 * np.abs(expected).max(), rtol=0)
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    pose=st.tuples(METRES, METRES, ANGLES),
+    motion=st.tuples(OFFSETS, OFFSETS, st.floats(-2.0, 2.0)),
+    sigmas=st.tuples(*[st.floats(0.01, 1.0)] * 3),
+    offset=st.tuples(OFFSETS, OFFSETS, TWISTS),
+)
+def test_blocks_of_any_motion_with_any_noise_are_those_of_gtsam(pose, motion, sigmas, offset):
+    """Forward, sideways and turning in one step, each entry with a σ of its own."""
+    first, measured = gtsam.Pose2(*pose), gtsam.Pose2(*motion)
+    second = first.compose(measured).compose(gtsam.Pose2(*offset))
+    values = gtsam.Values()
+    values.insert(X(0), first)
+    values.insert(X(1), second)
+    of_from, of_to = np.full((1, 3, 3), np.nan), np.full((1, 3, 3), np.nan)
+    poses = np.array([(p.x(), p.y(), p.theta()) for p in (first, second)])
+    linearize_odometry(0, poses, np.array([motion]), np.array([sigmas]), of_from, of_to)
+    factor = gtsam.BetweenFactorPose2(X(0), X(1), measured, diagonal(*sigmas))
+    jacobian, _ = factor.linearize(values).jacobian()
+    scale = np.abs(jacobian).max()
+    np.testing.assert_allclose(np.hstack((of_from[0], of_to[0])), jacobian, atol=1e-10 * scale, rtol=0)
+
+
 def test_the_residual_matters():
     """Without the derivative of the logarithm the later block would be the bare weights."""
     _, poses = two_poses((0.0, 0.0, 0.0), (0.0, 0.5), (0.2, 0.1, 0.3))
@@ -118,7 +135,7 @@ def test_the_residual_matters():
 
 def test_odometry_blocks_by_hand():
     """From (0, 0, 90°) half a metre ahead as commanded: turning the first pose swings the second sideways."""
-    noise = NoiseModel.of(SCENARIO)
+    noise = SCENARIO.noise
     of_from, of_to = odometry_blocks([(0.0, 0.0, math.pi / 2), (0.0, 0.5, math.pi / 2)], [(0.0, 0.5)])
     weights = np.array([1 / 0.07, 1 / 0.07, 180 / (0.2 * math.pi)])
     np.testing.assert_allclose(of_to[0], np.diag(weights), atol=1e-12)
@@ -226,27 +243,12 @@ def test_a_whole_graph_has_gtsams_information_matrix():
 
 
 def test_rows_before_the_first_are_left_alone():
-    noise = NoiseModel.of(SCENARIO)
     poses = np.array([(0.0, 0.0, 0.0), (0.5, 0.1, 0.1), (1.0, 0.0, 0.0)])
     commands = np.array([(0.0, 0.5), (0.0, 0.5)])
     of_from, of_to = np.full((2, 3, 3), 7.0), np.full((2, 3, 3), 7.0)
-    linearize_odometry(1, poses, commands, noise.straight, noise.turn, noise.heading, of_from, of_to)
+    linearize_odometry(1, poses, *SCENARIO.noise.odometries(commands), of_from, of_to)
     fresh_from, fresh_to = odometry_blocks(poses, commands)
     assert (of_from[0] == 7.0).all()
     assert (of_to[0] == 7.0).all()
     np.testing.assert_array_equal(of_from[1], fresh_from[1])
     np.testing.assert_array_equal(of_to[1], fresh_to[1])
-
-
-def test_noise_model_takes_degrees_as_radians():
-    scenario = Scenario(
-        prior_sigma=0.11,
-        prior_heading_sigma_deg=3.0,
-        odometry_sigma=0.12,
-        turn_sigma=0.13,
-        heading_sigma_deg=6.0,
-        bearing_sigma_deg=9.0,
-        range_sigma=0.14,
-    )
-    expected = NoiseModel(0.11, math.pi / 60, 0.12, 0.13, math.pi / 30, math.pi / 20, 0.14)
-    assert astuple(NoiseModel.of(scenario)) == pytest.approx(astuple(expected))

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from slam_reference import (
     EMPTY,
     batch_graph,
@@ -42,11 +41,16 @@ SMALL_GRAPHS = st.builds(
 )
 
 
+def odometry_before(random, k):
+    """Odometry of the step that led to pose k, None at the start."""
+    return None if k == 0 else random.scenario.noise.odometry(random.commands[k - 1])
+
+
 def marginals_of(random, *, solved=True):
     """Marginals fed with the steps of a random graph."""
     marginals = Marginals(random.scenario)
     for k, seen in enumerate(random.seen):
-        marginals.add(None if k == 0 else random.commands[k - 1], seen)
+        marginals.add(odometry_before(random, k), seen)
     if solved:
         marginals.solve(random.poses, random.landmarks)
     return marginals
@@ -140,11 +144,11 @@ def test_extend_after_solve_equals_a_fresh_solve(random, count, seed):
     extended = marginals_of(random)
     commands, poses = with_further_steps(random, count, seed)
     for k, command in enumerate(commands, start=len(random.poses) + 1):
-        extended.add(command, [])
+        extended.add(random.scenario.noise.odometry(command), [])
         extended.extend(np.ascontiguousarray(poses[:k]))
     fresh = marginals_of(random, solved=False)
     for command in commands:
-        fresh.add(command, [])
+        fresh.add(random.scenario.noise.odometry(command), [])
     fresh.solve(poses, random.landmarks)
     assert worst_difference(extended.pose_covariances, fresh.pose_covariances) < 1e-9
     assert worst_difference(extended.landmark_covariances, fresh.landmark_covariances) < 1e-9
@@ -162,7 +166,7 @@ def test_extend_leaves_all_earlier_covariances_untouched():
     marginals = marginals_of(random)
     before, of_landmarks = marginals.pose_covariances.copy(), marginals.landmark_covariances
     commands, poses = with_further_steps(random, 1, 6)
-    marginals.add(commands[0], [])
+    marginals.add(random.scenario.noise.odometry(commands[0]), [])
     marginals.extend(poses)
     np.testing.assert_array_equal(marginals.pose_covariances[:-1], before)
     np.testing.assert_array_equal(marginals.landmark_covariances, of_landmarks)
@@ -176,7 +180,7 @@ def test_solving_again_after_extending_is_gtsams_too(seed):
     marginals = Marginals(random.scenario)
     estimates = random.poses + 0.3 * np.sin(np.arange(90)).reshape(30, 3)
     for k, seen in enumerate(random.seen):
-        marginals.add(None if k == 0 else random.commands[k - 1], seen)
+        marginals.add(odometry_before(random, k), seen)
         known = max((m for earlier in random.seen[: k + 1] for m in earlier), default=-1) + 1
         if seen or k == 0:
             marginals.solve(np.ascontiguousarray(estimates[: k + 1]), random.landmarks[:known] + 0.1)
@@ -212,7 +216,8 @@ def solved_chain(poses):
     commands, estimates, landmarks, sightings = long_chain(poses)
     marginals = Marginals(scenario)
     for k in range(poses):
-        marginals.add(None if k == 0 else commands[k - 1], [m for p, m, _, _ in sightings if p == k])
+        odometry = scenario.noise.odometry(commands[k - 1]) if k else None
+        marginals.add(odometry, [m for p, m, _, _ in sightings if p == k])
     marginals.solve(estimates, landmarks)
     return marginals
 
@@ -256,10 +261,11 @@ def test_the_first_pose_has_the_prior_in_the_world_frame():
 
 def test_one_straight_step_by_hand():
     """North by 0.5 m: across grows by the lever of the heading, (0.5 σ_θ)², and odometry adds its own."""
-    marginals = Marginals(Scenario(prior_heading_sigma_deg=6.0, odometry_sigma=0.07))
+    scenario = Scenario(prior_heading_sigma_deg=6.0, odometry_sigma=0.07)
+    marginals = Marginals(scenario)
     marginals.add(None, [])
     marginals.solve(np.array([[0.0, 0.0, math.pi / 2]]), EMPTY)
-    marginals.add((0.0, 0.5), [])
+    marginals.add(scenario.noise.odometry((0.0, 0.5)), [])
     marginals.extend(np.array([[0.0, 0.0, math.pi / 2], [0.0, 0.5, math.pi / 2]]))
     heading2, step2 = math.radians(6.0) ** 2, 0.05**2 + 0.07**2
     expected = [

@@ -16,12 +16,12 @@ from slam_reference import (
     worst_difference,
 )
 
-from explore_bench.geometry import compose
+from explore_bench.geometry import Grid, compose
 from explore_bench.robot.landmark.smoother import Smoother
 from explore_bench.robot.occupancy import OccupancyMap
 from explore_bench.robot.virtual_map import VirtualMap, key_poses
 from explore_bench.world.landmark.sensor import Sensor
-from explore_bench.world.landmark.world import World
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
 
 VARIANTS = {
@@ -40,7 +40,7 @@ def steps_of(drive, count, every):
     for k in range(count):
         drive.step()
         if k % every == 0:
-            yield len(drive.scans[-1].landmarks) > 0
+            yield len(drive.scans[-1].sightings.landmarks) > 0
 
 
 def isam_estimates(smoother):
@@ -90,7 +90,7 @@ def test_maps_and_peaks_equal_those_rebuilt_from_the_whole_trajectory(constants)
         scans = ((patches, origins),) if scenario.occlusion else ()
         virtual_map.fuse(smoother.poses.copy(), smoother.pose_covariances.copy(), used, *scans)
         occupancy.place(smoother.poses.copy(), patches, origins)
-        np.testing.assert_array_equal(smoother.virtual_map.grid, virtual_map.grid)
+        np.testing.assert_array_equal(smoother.virtual_map.covariances, virtual_map.covariances)
         np.testing.assert_array_equal(smoother.occupancy.probability, occupancy.probability)
         np.testing.assert_array_equal(smoother.occupancy.known, occupancy.known)
         full = max(np.trace(block) for block in smoother.pose_covariances)
@@ -114,9 +114,9 @@ def test_peak_traces_may_fall_after_a_loop_closure():
     smoother = Smoother(scenario, (9.0, 9.0, 0.0))
     smoother.update(None, scan_of([(0, 0.0, 3.0)]))
     for _ in range(8):
-        smoother.update((0.0, 0.5), no_sighting())
+        smoother.update(scenario.noise.odometry((0.0, 0.5)), no_sighting())
     blind = smoother.peak_traces
-    smoother.update((math.pi, 0.0), scan_of([(0, 0.0, 1.0)]))
+    smoother.update(scenario.noise.odometry((math.pi, 0.0)), scan_of([(0, 0.0, 1.0)]))
     assert smoother.peak_traces[0] < 0.8 * blind[0]
     assert smoother.peak_traces[1] < 0.8 * blind[1]
 
@@ -133,13 +133,15 @@ def test_the_belief_holds_what_the_smoother_knows():
     np.testing.assert_array_equal(belief.landmark_covariances, smoother.landmark_covariances)
     np.testing.assert_array_equal(belief.occupancy.ravel(), smoother.occupancy.probability)
     np.testing.assert_array_equal(belief.known.ravel(), smoother.occupancy.known)
-    np.testing.assert_array_equal(belief.virtual_map.reshape(-1, 3), smoother.virtual_map.grid)
+    np.testing.assert_array_equal(belief.virtual_map.reshape(-1, 3), smoother.virtual_map.covariances)
     assert belief.virtual_map.shape == (10, 10, 3)
     assert belief.occupancy.shape == belief.known.shape == (10, 10)
     assert belief.pose == smoother.pose
+    assert belief.peak_trace == smoother.peak_traces[0]
+    assert belief.peak_trace == pytest.approx(max(map(np.trace, smoother.pose_covariances)), rel=1e-12)
     assert belief.explored == smoother.occupancy.known.mean()
     assert belief.uncertainty == pytest.approx(belief.virtual_traces.sum(), rel=1e-12)
-    first_seen = list(dict.fromkeys(int(i) for scan in drive.scans for i in scan.landmarks))
+    first_seen = list(dict.fromkeys(int(i) for scan in drive.scans for i in scan.sightings.landmarks))
     assert belief.landmark_ids.tolist() == first_seen
 
 
@@ -167,7 +169,7 @@ def test_the_smoother_goes_on_after_freezing():
         other.smoother.belief()
         other.step()
     np.testing.assert_array_equal(one.smoother.poses, other.smoother.poses)
-    np.testing.assert_array_equal(one.smoother.virtual_map.grid, other.smoother.virtual_map.grid)
+    np.testing.assert_array_equal(one.smoother.virtual_map.covariances, other.smoother.virtual_map.covariances)
 
 
 # --- a loop closure repairs the map ----------------------------------------------------------------------
@@ -186,11 +188,12 @@ def test_a_loop_closure_moves_a_misplaced_obstacle_back():
     scenario = Scenario(size=40.0, landmark_count=2, obstacle_count=1, heading_sigma_deg=1.0, odometry_sigma=0.01)
     obstacles = np.zeros((20, 20), dtype=bool)
     obstacles[11, 11] = True
-    world = World(obstacles, np.array([[9.0, 12.0], [12.0, 9.0]]), (11.0, 11.0, 0.0), 2.0)
+    landmarks = np.array([[9.0, 12.0], [12.0, 9.0]])
+    world = LandmarkWorld(Grid(20, 20, 2.0), obstacles, landmarks, (11.0, 11.0, 0.0))
     sensor = Sensor(scenario, world, np.random.default_rng(0))
     smoother, pose = Smoother(scenario, world.start), world.start
     scan = sensor.scan(pose)
-    assert scan.landmarks.tolist() == [0, 1]
+    assert scan.sightings.landmarks.tolist() == [0, 1]
     smoother.update(None, scan)
 
     misplaced, closed = 0, False
@@ -198,8 +201,8 @@ def test_a_loop_closure_moves_a_misplaced_obstacle_back():
     for k, command in enumerate(side * 4):
         pose = compose(compose(pose, (command[1], 0.0, command[0])), (0.0, 0.0, math.radians(0.4)))
         scan = sensor.scan(pose)
-        smoother.update(command, scan)
-        closed = closed or (k > 40 and len(scan.landmarks) > 0)
+        smoother.update(scenario.noise.odometry(command), scan)
+        closed = closed or (k > 40 and len(scan.sightings.landmarks) > 0)
         off = math.hypot(smoother.pose[0] - pose[0], smoother.pose[1] - pose[1])
         if closed and k > 80:
             assert believed_obstacles(smoother) == [(11, 11)]
@@ -216,5 +219,5 @@ def test_the_smoother_reports_its_parts_in_order():
     parts = []
     smoother = Smoother(Scenario(), (9.0, 9.0, 0.0), parts.append)
     smoother.update(None, no_sighting())
-    smoother.update((0.0, 0.5), no_sighting())
+    smoother.update(Scenario().noise.odometry((0.0, 0.5)), no_sighting())
     assert parts == ["isam2", "estimate", "covariances", "virtual map", "occupancy"] * 2

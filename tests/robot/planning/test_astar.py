@@ -5,29 +5,28 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from explore_bench.robot.planning.astar import shortest_path
+from explore_bench.robot.planning.astar import search_grid, shortest_path, trace_path
 
 
 @st.composite
 def problems(draw):
     """Draw a grid of up to 8 × 8 cells, a start and a goal, both anywhere, blocked cells included."""
-    n = draw(st.integers(2, 8))
-    free = draw(st.lists(st.integers(0, 3), min_size=n * n, max_size=n * n))
-    cell = st.integers(0, n * n - 1)
-    return np.array(free).reshape(n, n) > 0, draw(cell), draw(cell)
+    rows, columns = draw(st.integers(1, 8)), draw(st.integers(2, 8))
+    free = draw(st.lists(st.integers(0, 3), min_size=rows * columns, max_size=rows * columns))
+    cell = st.integers(0, rows * columns - 1)
+    return np.array(free).reshape(rows, columns) > 0, draw(cell), draw(cell)
 
 
 def is_allowed(free, start, cell, to):
     """Rule of a step, written down once more: neighbours, the target free, no corner cut; the start is free."""
-    n = len(free)
+    columns = free.shape[1]
     passable = free.copy()
-    passable[divmod(start, n)] = True
-    (row, column), (to_row, to_column) = divmod(cell, n), divmod(to, n)
+    passable[divmod(start, columns)] = True
+    (row, column), (to_row, to_column) = divmod(cell, columns), divmod(to, columns)
     if max(abs(row - to_row), abs(column - to_column)) != 1:
         return False
     return passable[to_row, to_column] and passable[row, to_column] and passable[to_row, column]
@@ -35,20 +34,20 @@ def is_allowed(free, start, cell, to):
 
 def dijkstra(free, start):
     """Length of the shortest path to every cell, in cell edges."""
-    n = len(free)
-    graph = sparse.lil_matrix((n * n, n * n))
-    for cell in range(n * n):
-        row, column = divmod(cell, n)
-        for r in range(max(row - 1, 0), min(row + 2, n)):
-            for c in range(max(column - 1, 0), min(column + 2, n)):
-                if is_allowed(free, start, cell, r * n + c):
-                    graph[cell, r * n + c] = math.hypot(r - row, c - column)
+    rows, columns = free.shape
+    graph = sparse.lil_matrix((free.size, free.size))
+    for cell in range(free.size):
+        row, column = divmod(cell, columns)
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for c in range(max(column - 1, 0), min(column + 2, columns)):
+                if is_allowed(free, start, cell, r * columns + c):
+                    graph[cell, r * columns + c] = math.hypot(r - row, c - column)
     return csgraph.dijkstra(graph.tocsr(), indices=start)
 
 
-def length_of(path, n):
-    rows, columns = np.divmod(path, n)
-    return np.hypot(np.diff(rows), np.diff(columns)).sum()
+def length_of(path, columns):
+    up, along = np.divmod(path, columns)
+    return np.hypot(np.diff(up), np.diff(along)).sum()
 
 
 def grid(*rows):
@@ -72,7 +71,20 @@ def test_paths_lead_from_start_to_goal_by_allowed_steps_of_that_length(problem):
     assert path[0] == start
     assert path[-1] == goal
     assert all(is_allowed(free, start, *step) for step in pairwise(path.tolist()))
-    assert length_of(path, len(free)) == pytest.approx(length, abs=1e-9)
+    assert length_of(path, free.shape[1]) == pytest.approx(length, abs=1e-9)
+
+
+@given(problems())
+def test_a_search_without_a_goal_gives_the_costs_and_paths_of_all_cells(problem):
+    free, start, _ = problem
+    cost, parent = search_grid(free, start, -1)
+    assert cost == pytest.approx(dijkstra(free, start), abs=1e-9)
+    assert parent[start] == -1
+    for cell in np.flatnonzero(np.isfinite(cost)).tolist():
+        path = trace_path(parent, cell)
+        assert (path[0], path[-1]) == (start, cell)
+        assert all(is_allowed(free, start, *step) for step in pairwise(path.tolist()))
+        assert length_of(path, free.shape[1]) == pytest.approx(cost[cell], abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -128,6 +140,22 @@ def test_a_detour_worked_by_hand():
     path, length = shortest_path(free, 0, 10)
     assert path.tolist() == [0, 1, 2, 3, 4, 9, 14, 13, 12, 11, 10]
     assert length == 10.0
+
+
+def test_a_path_on_two_rows_of_five_columns_and_on_five_rows_of_two():
+    """Around the same wall, once along x and once along y."""
+    path, length = shortest_path(grid("..#..", "....."), 0, 4)
+    assert path.tolist() == [0, 6, 7, 8, 4]
+    assert length == pytest.approx(2.0 + 2.0 * math.sqrt(2.0))
+    path, length = shortest_path(grid("..", "..", "#.", "..", ".."), 0, 8)
+    assert path.tolist() == [0, 3, 5, 7, 8]
+    assert length == pytest.approx(2.0 + 2.0 * math.sqrt(2.0))
+
+
+@pytest.mark.parametrize(("start", "goal"), [(0, 10), (10, 0), (-1, 3)])
+def test_a_cell_off_the_grid_is_refused(start, goal):
+    with pytest.raises(ValueError, match=r"on a grid of shape \(2, 5\)"):
+        shortest_path(np.ones((2, 5), dtype=bool), start, goal)
 
 
 @given(problems())

@@ -7,12 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy import ndimage
 
-from explore_bench.geometry import centre_of
-from explore_bench.robot.planning.candidates import Ground, Withheld, find_candidates, waypoints
+from explore_bench.robot.planning.candidates import Ground, Withheld, find_candidates
 from explore_bench.world.scenario import Scenario
 
 CELL = 2.0
@@ -25,18 +23,19 @@ def scenario_of(edge, **constants):
 def ground(drawing, robot, landmarks=(), **constants):
     """Make the ground of a drawing, the robot in the centre of a cell, landmarks in the centres of cells."""
     signs = np.array([list(row) for row in drawing])
-    n = len(signs)
+    scenario = scenario_of(len(signs), **constants)
     return Ground(
-        scenario=scenario_of(n, **constants),
-        pose=(*centre_of(robot, n, CELL), 0.3),
+        scenario=scenario,
+        pose=(*scenario.grid.centre_of(robot), 0.3),
         known=signs != "?",
         occupied=signs == "#",
-        landmarks=np.array([centre_of(cell, n, CELL) for cell in landmarks]).reshape(-1, 2),
+        landmarks=scenario.grid.centres(np.array(landmarks, dtype=int)),
     )
 
 
 def cells_of(*arguments, withheld=None, **constants):
-    return find_candidates(ground(*arguments, **constants), withheld or Withheld()).cells.tolist()
+    found = find_candidates(ground(*arguments, **constants), withheld or Withheld())
+    return None if found is None else found.cells.tolist()
 
 
 CORNER = ("...?", "...?", "...?", "????")  # frontiers 2, 6, 8, 9, 10
@@ -75,13 +74,11 @@ def test_a_frontier_that_known_free_cells_do_not_join_is_left_out():
 
 
 def test_a_gap_between_two_corners_is_no_way():
-    assert cells_of((".#?", "#.?", "???"), 4, candidates_per_robot=9) == []
+    assert cells_of((".#?", "#.?", "???"), 4, candidates_per_robot=9) is None
 
 
 def test_a_map_all_known_has_no_candidates():
-    found = find_candidates(ground(("...", ".#.", "..."), 0), Withheld())
-    assert found.cells.shape == found.lengths.shape == (0,)
-    assert found.paths == ()
+    assert find_candidates(ground(("...", ".#.", "..."), 0), Withheld()) is None
 
 
 # Which are chosen
@@ -228,14 +225,6 @@ def test_a_frontier_behind_unknown_ground_comes_before_a_withheld_one():
     assert cells_of(drawing, 0, withheld=withholding([1], drawing)) == [3]
 
 
-# Waypoints
-
-
-def test_waypoints_are_the_centres_of_all_cells_but_the_first():
-    assert waypoints(np.array([0, 1, 6]), scenario_of(4)) == [(3.0, 1.0), (5.0, 3.0)]
-    assert waypoints(np.array([5]), scenario_of(4)) == []
-
-
 # The definition, on random maps
 
 
@@ -251,7 +240,7 @@ def grounds(draw):
 @given(grounds())
 def test_candidates_are_what_the_definition_says(field):
     """Frontiers by a dilation of the unknown, reach by connected components, the choice by sorting."""
-    n, own = field.scenario.cells, field.own_cell
+    own = field.own_cell
     blocked = field.occupied.copy()
     for x, y in field.landmarks:
         blocked[int(y // CELL), int(x // CELL)] = True
@@ -260,13 +249,48 @@ def test_candidates_are_what_the_definition_says(field):
     expected = set()
     for passable in (field.known & ~blocked, ~blocked, np.ones_like(blocked)):
         passable = passable.copy()
-        passable[divmod(own, n)] = True
+        passable[divmod(own, len(passable))] = True
         rooms = ndimage.label(passable)[0]
-        reached = np.flatnonzero(frontier & (rooms == rooms[divmod(own, n)]))
+        reached = np.flatnonzero(frontier & (rooms == rooms[divmod(own, len(passable))]))
         cells = [cell for cell in reached.tolist() if cell != own]
         for point, count in [(field.pose[:2], 5), *((tuple(landmark), 3) for landmark in field.landmarks)]:
-            near = sorted(cells, key=lambda cell: (math.dist(centre_of(cell, n, CELL), point), cell))
+            near = sorted(cells, key=lambda cell: (math.dist(field.scenario.grid.centre_of(cell), point), cell))
             expected |= set(near[:count])
         if expected:
             break
-    assert find_candidates(field, Withheld()).cells.tolist() == sorted(expected)
+    found = find_candidates(field, Withheld())
+    assert ([] if found is None else found.cells.tolist()) == sorted(expected)
+
+
+@given(grounds())
+def test_every_candidate_is_reachable_by_the_roads_with_the_same_length(field):
+    found = find_candidates(field, Withheld())
+    if found is None:
+        return
+    cells, lengths = found.roads.reachable
+    assert found.roads.start == field.own_cell
+    assert found.roads.grid == field.scenario.grid
+    assert set(found.cells.tolist()) <= set(cells.tolist())
+    assert found.lengths == pytest.approx(lengths[np.searchsorted(cells, found.cells)], rel=1e-12)
+    for cell in found.cells.tolist():
+        assert found.roads.path_to(cell)[[0, -1]].tolist() == [field.own_cell, cell]
+
+
+# The roads beside the candidates
+
+
+def test_the_roads_are_those_of_known_free_cells_while_a_frontier_can_be_reached_through_them():
+    found = find_candidates(ground(("..?.", "####", "####", "####"), 0), Withheld())
+    assert found.roads.reachable.cells.tolist() == [1]
+    assert found.roads.reachable.lengths == pytest.approx([2.0])
+
+
+def test_where_unknown_cells_count_as_free_the_roads_lead_through_them():
+    found = find_candidates(ground((".?.", "###", "###"), 0), Withheld())
+    assert found.roads.reachable.cells.tolist() == [1, 2]
+    assert found.roads.path_to(2).tolist() == [0, 1, 2]
+
+
+def test_where_believed_obstacles_are_driven_through_the_roads_lead_everywhere():
+    found = find_candidates(ground((".#?.", "##??", "????", "????"), 0), Withheld())
+    assert found.roads.reachable.cells.tolist() == list(range(1, 16))

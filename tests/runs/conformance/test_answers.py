@@ -10,7 +10,7 @@ from explore_bench.runs.conformance.answers import ELSEWHERE, play
 from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import LARGE, SMALL, observations
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.world import World
+from explore_bench.world.landmark.world import LandmarkWorld
 
 SUBJECT = Subject.of("nearest", 60.0)
 
@@ -74,7 +74,7 @@ class LooksAround(Asked):
     def choose(self, observation):
         frame, found = sys._getframe(1), []
         while frame is not None:
-            found += [value for value in frame.f_locals.values() if isinstance(value, World | TrialSpec)]
+            found += [value for value in frame.f_locals.values() if isinstance(value, LandmarkWorld | TrialSpec)]
             frame = frame.f_back
         generator = sys._getframe(1).f_locals["events"]
         self.found = [*found, inspect.getgeneratorlocals(generator)["world"]]
@@ -85,7 +85,7 @@ class LooksAround(Asked):
 def test_around_it_is_a_trial_in_another_world_of_the_same_scenario(tour):
     spy = LooksAround()
     play(SUBJECT, tour, spy)
-    worlds = {found.digest for found in spy.found if isinstance(found, World)}
+    worlds = {found.digest for found in spy.found if isinstance(found, LandmarkWorld)}
     specs = [found for found in spy.found if isinstance(found, TrialSpec)]
     assert len(worlds) == 1
     assert tour.world().digest not in worlds

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from explore_bench.robot.landmark.prediction import predict
 from explore_bench.runs.conformance.digest import changed_part, digests
 from explore_bench.runs.conformance.tours import SMALL, observations
 
@@ -19,20 +18,27 @@ def test_all_parts_have_one(observation):
     found = digests(observation)
     assert {"candidates", "paths", "path_lengths", "positions", "step", "decision"} <= found.keys()
     assert {"belief.poses", "belief.occupancy", "belief.known", "belief.scenario", "belief.uncertainty"} <= found.keys()
-    assert {"belief.elimination.corner"} <= found.keys()
-    assert any(name.startswith("belief.linearization.") for name in found)
+    assert {"belief.graph.elimination.corner"} <= found.keys()
+    assert any(name.startswith("belief.graph.linearization.") for name in found)
+    assert {"roads.grid", "roads.free", "roads.start", "robot"} <= found.keys()
 
 
 def test_reading_changes_nothing(observation):
     before = digests(observation)
-    predict(observation.belief, observation.paths[0])
-    assert observation.scenario.step_limit and observation.scenario.cells
+    observation.belief.predict(observation.paths[0])
+    assert observation.scenario.step_limit and observation.scenario.grid.columns
     assert changed_part(before, observation) == ""
 
 
 def test_each_changed_array_is_named(observation):
     before = digests(observation)
-    for holder, prefix in ((observation, ""), (observation.belief, "belief."), (observation.belief.elimination, "")):
+    graph = observation.belief.graph
+    for holder, prefix in (
+        (observation, ""),
+        (observation.roads, "roads."),
+        (observation.belief, "belief."),
+        (graph.elimination, "belief.graph.elimination."),
+    ):
         for field in dataclasses.fields(holder):
             value = getattr(holder, field.name)
             if not isinstance(value, np.ndarray) or not value.size:
@@ -42,9 +48,12 @@ def test_each_changed_array_is_named(observation):
             changed = dataclasses.replace(holder, **{field.name: other})
             if holder is observation.belief:
                 changed = dataclasses.replace(observation, belief=changed)
-            elif holder is observation.belief.elimination:
-                belief = dataclasses.replace(observation.belief, elimination=changed)
-                changed, prefix = dataclasses.replace(observation, belief=belief), "belief.elimination."
+            elif holder is observation.roads:
+                changed = dataclasses.replace(observation, roads=changed)
+            elif holder is graph.elimination:
+                other_graph = dataclasses.replace(graph, elimination=changed)
+                belief = dataclasses.replace(observation.belief, graph=other_graph)
+                changed = dataclasses.replace(observation, belief=belief)
             assert changed_part(before, changed) == f"{prefix}{field.name}"
 
 

@@ -8,8 +8,7 @@ import faulty_strategies
 import pytest
 
 from explore_bench.errors import RequestError
-from explore_bench.runs.conformance import RULES, Verdict, check
-from explore_bench.runs.conformance import apart as apart_module
+from explore_bench.runs.conformance import RULES, Verdict, apart as apart_module, check
 from explore_bench.strategies.registry import strategies
 
 FILE = Path(faulty_strategies.__file__)

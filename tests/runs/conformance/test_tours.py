@@ -20,7 +20,7 @@ from explore_bench.runs.conformance.tours import (
     TRIALS,
     observations,
 )
-from explore_bench.world.landmark.world import World
+from explore_bench.world.landmark.world import LandmarkWorld
 
 ALL = (*ORDINARY, *SITUATIONS)
 
@@ -52,7 +52,7 @@ def test_there_is_a_choice_everywhere_but_with_one_candidate():
 
 
 def test_the_corners_are_the_four_of_the_map_and_the_robot_begins_in_them():
-    n = CORNERS[0].scenario.cells
+    n = CORNERS[0].scenario.grid.columns
     cells = set()
     for tour in CORNERS:
         x, y, _ = observations(tour)[0].pose
@@ -73,7 +73,7 @@ def test_own_trials_are_in_other_worlds_than_the_tours():
 @pytest.mark.parametrize("tour", ALL, ids=name_of)
 def test_every_path_is_the_shortest_over_known_free_cells(tour):
     for seen in observations(tour):
-        n, belief = tour.scenario.cells, seen.belief
+        n, belief = tour.scenario.grid.columns, seen.belief
         ground = Ground(tour.scenario, seen.pose, belief.known, belief.occupancy > 0.5 + 1e-9, belief.landmarks)
         free = belief.known & ~ground.blocked
         for cell, path, length in zip(seen.candidates, seen.paths, seen.path_lengths, strict=True):
@@ -87,7 +87,7 @@ def test_nothing_keeps_the_world_of_a_tour(tour):
     digest = tour.world().digest
     observations(tour)
     gc.collect()
-    assert digest not in [held.digest for held in gc.get_objects() if type(held) is World]
+    assert digest not in [held.digest for held in gc.get_objects() if type(held) is LandmarkWorld]
 
 
 @pytest.mark.parametrize("tour", ALL, ids=name_of)

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from explore_bench.geometry import between, compose
+from explore_bench.geometry import Grid, between, compose
 from explore_bench.world.landmark.motion import Robot
-from explore_bench.world.landmark.world import World
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.signals import Odometry
 
 COMMANDS = [(0.0, 0.5), (1.2, 0.0), (0.0, 0.1), (-3.0, 0.0), (0.0, 0.5)]
 commands = st.one_of(
@@ -31,10 +31,10 @@ class Fixed:
 
 def world_with(obstacles=(), start=(1.0, 5.0, 0.0), edge=5):
     """Make an edge × edge world of 2 m cells, obstacles given by row and column."""
-    grid = np.zeros((edge, edge), dtype=bool)
+    blocked = np.zeros((edge, edge), dtype=bool)
     for row, column in obstacles:
-        grid[row, column] = True
-    return World(grid, np.empty((0, 2)), start, 2.0)
+        blocked[row, column] = True
+    return LandmarkWorld(Grid(edge, edge, 2.0), blocked, np.empty((0, 2)), start)
 
 
 def driven(robot, moves):
@@ -103,6 +103,17 @@ def test_noise_is_three_normals_a_step_scaled_whatever_the_command():
         error = np.array(between(target, robot.pose))
         sigmas = [place, place, math.radians(scenario.heading_sigma_deg)]
         assert error / sigmas == pytest.approx(expected.standard_normal(3), abs=1e-9)
+
+
+@given(commands, st.integers(0, 2**32))
+def test_the_odometry_reads_the_command_whatever_the_noise(command, seed):
+    """With the σ of the noise that the truth got."""
+    scenario = Scenario()
+    robot = Robot(scenario, world_with(), np.random.default_rng(seed))
+    turn, forward = command
+    place = scenario.odometry_sigma if forward else scenario.turn_sigma
+    odometry = robot.move(command)
+    assert odometry == Odometry((forward, 0.0, turn), (place, place, math.radians(scenario.heading_sigma_deg)))
 
 
 def test_turns_draw_as_many_numbers_as_straight_steps():

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
+from explore_bench.geometry import Grid
 from explore_bench.trial.seeding import stream
-from explore_bench.world.floor_plan import site_of
+from explore_bench.world.floor_plan import floor_plan
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.landmark.sensor import Sensor
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.signals import FREE, HIDDEN, OCCUPIED
 
@@ -28,10 +29,11 @@ class Silent:
 
 def world_with(obstacles=(), landmarks=()):
     """Make a 10 × 10 world of 2 m cells, obstacles given by row and column."""
-    grid = np.zeros((EDGE, EDGE), dtype=bool)
+    blocked = np.zeros((EDGE, EDGE), dtype=bool)
     for row, column in obstacles:
-        grid[row, column] = True
-    return World(grid, np.array(landmarks, dtype=float).reshape(-1, 2), (1.0, 1.0, 0.0), CELL)
+        blocked[row, column] = True
+    places = np.array(landmarks, dtype=float).reshape(-1, 2)
+    return LandmarkWorld(Grid(EDGE, EDGE, CELL), blocked, places, (1.0, 1.0, 0.0))
 
 
 def random_world(seed, density=1.5):
@@ -42,14 +44,19 @@ def scan_of(world, pose, rng=None, **constants):
     return Sensor(Scenario(**constants), world, rng or Silent()).scan(pose)
 
 
+def sighted(*arguments, **constants):
+    return scan_of(*arguments, **constants).sightings
+
+
 def look_up(scan, forward, left):
-    """Read the value at a point of the robot's frame, as the docstring of Scan says: origin + R(heading) q."""
-    c, s = math.cos(scan.heading), math.sin(scan.heading)
-    column = math.floor((scan.origin[0] + c * forward - s * left) / CELL)
-    row = math.floor((scan.origin[1] + s * forward + c * left) / CELL)
-    assert 0 <= row < len(scan.patch)
-    assert 0 <= column < len(scan.patch)
-    return scan.patch[row, column]
+    """Read the value at a point of the robot's frame, as the docstring of Patch says: origin + R(heading) q."""
+    view = scan.view
+    c, s = math.cos(view.heading), math.sin(view.heading)
+    column = math.floor((view.origin[0] + c * forward - s * left) / CELL)
+    row = math.floor((view.origin[1] + s * forward + c * left) / CELL)
+    assert 0 <= row < len(view.cells)
+    assert 0 <= column < len(view.cells)
+    return view.cells[row, column]
 
 
 def true_value(world, x, y):
@@ -63,36 +70,36 @@ def true_value(world, x, y):
 
 def test_bearing_and_range_worked_by_hand():
     """Facing +y at (5, 5): a landmark at (2, 9) is 5 m away, atan2(3, 4) to the left; one at (8, 5) to the right."""
-    scan = scan_of(world_with(landmarks=[(2.0, 9.0), (8.0, 5.0)]), (5.0, 5.0, math.pi / 2))
-    assert scan.landmarks.tolist() == [0, 1]
-    assert scan.bearings == pytest.approx([math.atan2(3.0, 4.0), -math.pi / 2])
-    assert scan.ranges == pytest.approx([5.0, 3.0])
+    found = sighted(world_with(landmarks=[(2.0, 9.0), (8.0, 5.0)]), (5.0, 5.0, math.pi / 2))
+    assert found.landmarks.tolist() == [0, 1]
+    assert found.bearings == pytest.approx([math.atan2(3.0, 4.0), -math.pi / 2])
+    assert found.ranges == pytest.approx([5.0, 3.0])
 
 
 def test_bearings_are_wrapped():
-    scan = scan_of(world_with(landmarks=[(9.0, 9.0)]), (11.0, 11.0, math.radians(170.0)))
-    assert scan.bearings == pytest.approx([math.radians(-135.0 - 170.0 + 360.0)])
+    found = sighted(world_with(landmarks=[(9.0, 9.0)]), (11.0, 11.0, math.radians(170.0)))
+    assert found.bearings == pytest.approx([math.radians(-135.0 - 170.0 + 360.0)])
 
 
 @pytest.mark.parametrize(
     ("distance", "seen"), [(0.0, False), (0.124, False), (0.125, True), (3.0, True), (5.0, True), (5.001, False)]
 )
 def test_a_landmark_is_sighted_from_the_least_to_the_greatest_range(distance, seen):
-    scan = scan_of(world_with(landmarks=[(10.0 + distance, 10.0)]), (10.0, 10.0, 2.0), min_landmark_range=0.125)
-    assert len(scan.landmarks) == len(scan.bearings) == len(scan.ranges) == seen
+    found = sighted(world_with(landmarks=[(10.0 + distance, 10.0)]), (10.0, 10.0, 2.0), min_landmark_range=0.125)
+    assert len(found.landmarks) == len(found.bearings) == len(found.ranges) == seen
 
 
 def test_ids_are_rows_of_the_world_ascending():
     landmarks = [(19.0, 19.0), (9.0, 11.0), (1.0, 19.0), (11.0, 11.0), (11.0, 9.0)]
-    assert scan_of(world_with(landmarks=landmarks), (10.0, 10.0, 0.0)).landmarks.tolist() == [1, 3, 4]
+    assert sighted(world_with(landmarks=landmarks), (10.0, 10.0, 0.0)).landmarks.tolist() == [1, 3, 4]
 
 
 def test_noise_has_no_bias_and_the_scenario_s_spread():
     scenario = Scenario(bearing_sigma_deg=0.5, range_sigma=0.02)
     sensor = Sensor(scenario, world_with(landmarks=[(13.0, 14.0)]), np.random.default_rng(1))
-    scans = [sensor.scan((10.0, 10.0, 0.3)) for _ in range(4000)]
-    bearings = np.array([scan.bearings[0] for scan in scans]) - (math.atan2(4.0, 3.0) - 0.3)
-    ranges = np.array([scan.ranges[0] for scan in scans]) - 5.0
+    found = [sensor.scan((10.0, 10.0, 0.3)).sightings for _ in range(4000)]
+    bearings = np.array([one.bearings[0] for one in found]) - (math.atan2(4.0, 3.0) - 0.3)
+    ranges = np.array([one.ranges[0] for one in found]) - 5.0
     assert bearings.mean() == pytest.approx(0.0, abs=4 * math.radians(0.5) / math.sqrt(4000))
     assert ranges.mean() == pytest.approx(0.0, abs=4 * 0.02 / math.sqrt(4000))
     assert bearings.std() == pytest.approx(math.radians(0.5), rel=0.05)
@@ -103,9 +110,9 @@ def test_noise_has_no_bias_and_the_scenario_s_spread():
 @given(seeds)
 def test_twice_the_sigmas_are_twice_the_errors(seed):
     world, pose = world_with(landmarks=[(8.0, 9.0), (11.0, 13.0)]), (10.0, 10.0, 0.0)
-    truth = scan_of(world, pose)
-    once = scan_of(world, pose, np.random.default_rng(seed))
-    twice = scan_of(world, pose, np.random.default_rng(seed), bearing_sigma_deg=1.0, range_sigma=0.04)
+    truth = sighted(world, pose)
+    once = sighted(world, pose, np.random.default_rng(seed))
+    twice = sighted(world, pose, np.random.default_rng(seed), bearing_sigma_deg=1.0, range_sigma=0.04)
     assert twice.bearings - truth.bearings == pytest.approx(2 * (once.bearings - truth.bearings), abs=1e-12)
     assert twice.ranges - truth.ranges == pytest.approx(2 * (once.ranges - truth.ranges), abs=1e-12)
 
@@ -119,10 +126,10 @@ def test_the_noise_of_a_sighting_depends_on_the_scan_s_number_and_the_landmark_o
     normals = np.random.default_rng(seed).standard_normal((4, 4, 2))
     sigmas = np.array([math.radians(0.5), 0.02])
     for number, pose in enumerate([*where, (10.0, 10.0, 0.0)]):
-        scan, truth = sensor.scan(pose), scan_of(world, pose)
-        errors = np.stack((scan.bearings - truth.bearings, scan.ranges - truth.ranges), axis=1)
-        assert np.allclose(errors / sigmas, normals[number, scan.landmarks], atol=1e-9)
-    assert len(scan.landmarks) == 2
+        found, truth = sensor.scan(pose).sightings, sighted(world, pose)
+        errors = np.stack((found.bearings - truth.bearings, found.ranges - truth.ranges), axis=1)
+        assert np.allclose(errors / sigmas, normals[number, found.landmarks], atol=1e-9)
+    assert len(found.landmarks) == 2
 
 
 # The look-up of the cells around
@@ -155,13 +162,13 @@ def test_outside_the_map_reads_occupied():
 def test_the_look_up_does_not_tell_where_in_the_map_the_robot_is():
     """Moved by whole cells over equal ground, the scan is the same."""
     here, there = (scan_of(world_with(), pose) for pose in ((8.5, 9.25, 1.0), (10.5, 11.25, 1.0)))
-    assert np.array_equal(here.patch, there.patch)
-    assert here.origin == there.origin
+    assert np.array_equal(here.view.cells, there.view.cells)
+    assert here.view.origin == there.view.origin
 
 
 @given(st.integers(0, 20), poses)
 def test_without_occlusion_nothing_is_hidden(trial, pose):
-    assert not np.any(scan_of(random_world(trial), pose).patch == HIDDEN)
+    assert not np.any(scan_of(random_world(trial), pose).view.cells == HIDDEN)
 
 
 # Occlusion
@@ -179,16 +186,18 @@ def test_an_obstacle_hides_the_cell_behind_it_and_stays_in_sight():
 
 def test_an_obstacle_hides_the_landmark_behind_it_only_where_occlusion_is_asked_for():
     world = world_with([(5, 4)], landmarks=[(11.0, 11.0), (3.0, 11.0), (7.0, 14.0)])
-    assert scan_of(world, (7.0, 11.0, 0.0)).landmarks.tolist() == [0, 1, 2]
-    assert scan_of(world, (7.0, 11.0, 0.0), occlusion=True).landmarks.tolist() == [1, 2]
+    assert sighted(world, (7.0, 11.0, 0.0)).landmarks.tolist() == [0, 1, 2]
+    assert sighted(world, (7.0, 11.0, 0.0), occlusion=True).landmarks.tolist() == [1, 2]
 
 
 def test_hidden_landmarks_keep_their_noise_from_the_others():
     """Occlusion changes who is seen, not which normals the others get."""
     world = world_with([(5, 4)], landmarks=[(11.0, 11.0), (3.0, 11.0)])
-    scans = [scan_of(world, (7.0, 11.0, 0.0), np.random.default_rng(4), occlusion=hides) for hides in (False, True)]
-    assert scans[0].ranges[1] == scans[1].ranges[0]
-    assert scans[0].bearings[1] == scans[1].bearings[0]
+    all_, some = (
+        sighted(world, (7.0, 11.0, 0.0), np.random.default_rng(4), occlusion=hides) for hides in (False, True)
+    )
+    assert all_.ranges[1] == some.ranges[0]
+    assert all_.bearings[1] == some.bearings[0]
 
 
 def length_inside(box, start, end):
@@ -211,8 +220,8 @@ def test_a_cell_is_hidden_where_an_obstacle_s_square_cuts_the_line_to_its_centre
     world = random_world(trial, density=2.5)
     scan = scan_of(world, (x, y, 0.0), occlusion=True)
     own = (math.floor(y / CELL), math.floor(x / CELL))
-    reach = len(scan.patch) // 2
-    for i, j in np.ndindex(scan.patch.shape):
+    reach = len(scan.view.cells) // 2
+    for i, j in np.ndindex(scan.view.cells.shape):
         cell = own[0] - reach + i, own[1] - reach + j
         centre = (cell[1] + 0.5) * CELL, (cell[0] + 0.5) * CELL
         cuts = [
@@ -223,7 +232,7 @@ def test_a_cell_is_hidden_where_an_obstacle_s_square_cuts_the_line_to_its_centre
         if any(abs(cut) < 1e-9 for cut in cuts):
             continue  # a line through a corner may be judged either way
         hidden = any(cut > 0.0 for cut in cuts)
-        assert scan.patch[i, j] == (HIDDEN if hidden else true_value(world, *centre))
+        assert scan.view.cells[i, j] == (HIDDEN if hidden else true_value(world, *centre))
 
 
 # Occlusion in given maps
@@ -240,14 +249,15 @@ TWO_ROOMS = (
 
 def given_world(landmarks=(), rows=TWO_ROOMS):
     """Make the world of a map by hand, landmarks given in metres."""
-    site = site_of(rows)
-    uncounted = np.flatnonzero(~site.counted)
-    return World(site.blocked, np.array(landmarks, dtype=float).reshape(-1, 2), (3.0, 9.0, 0.0), CELL, uncounted)
+    plan = floor_plan(rows)
+    places = np.array(landmarks, dtype=float).reshape(-1, 2)
+    grid = Grid(*plan.blocked.shape, CELL)
+    return LandmarkWorld(grid, plan.blocked, places, (3.0, 9.0, 0.0), np.flatnonzero(~plan.counted))
 
 
 def patch_rows(scan):
     """Draw a scan's patch, north first."""
-    return ["".join(".#?"[value] for value in row) for row in scan.patch[::-1]]
+    return ["".join(".#?"[value] for value in row) for row in scan.view.cells[::-1]]
 
 
 def test_walls_of_a_map_hide_what_is_behind_and_the_sensor_sees_their_faces_and_corners():
@@ -268,14 +278,14 @@ def test_walls_of_a_map_hide_what_is_behind_and_the_sensor_sees_their_faces_and_
 
 def test_without_occlusion_walls_hide_nothing():
     scan = scan_of(given_world(), (5.0, 7.0, 0.3), sensor_range=8.0)
-    assert not (scan.patch == HIDDEN).any()
+    assert not (scan.view.cells == HIDDEN).any()
 
 
 def test_a_landmark_behind_a_wall_of_a_map_is_not_sighted_until_the_way_to_it_is_clear():
     world = given_world([(13.0, 7.0), (3.5, 8.5)])
-    assert scan_of(world, (5.0, 7.0, 0.0), occlusion=True, sensor_range=9.0).landmarks.tolist() == [1]
-    assert scan_of(world, (5.0, 7.0, 0.0), sensor_range=9.0).landmarks.tolist() == [0, 1]
-    assert scan_of(world, (13.0, 3.0, 0.0), occlusion=True, sensor_range=9.0).landmarks.tolist() == [0]
+    assert sighted(world, (5.0, 7.0, 0.0), occlusion=True, sensor_range=9.0).landmarks.tolist() == [1]
+    assert sighted(world, (5.0, 7.0, 0.0), sensor_range=9.0).landmarks.tolist() == [0, 1]
+    assert sighted(world, (13.0, 3.0, 0.0), occlusion=True, sensor_range=9.0).landmarks.tolist() == [0]
 
 
 def test_a_corner_is_seen_only_with_both_walls_that_meet_there():
@@ -289,7 +299,7 @@ def test_a_corner_is_seen_only_with_both_walls_that_meet_there():
 def test_what_the_map_does_not_know_reads_occupied():
     rows = ("#####", "#...#", "#.?.#", "#...#", "#####")
     scan = scan_of(given_world(rows=rows), (3.0, 3.0, 0.0), sensor_range=2.5)
-    assert scan.patch[3, 3] == OCCUPIED
+    assert scan.view.cells[3, 3] == OCCUPIED
 
 
 def test_a_drawn_world_has_no_corner_that_shows():

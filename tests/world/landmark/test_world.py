@@ -8,10 +8,11 @@ from handmade import HALLS
 from scipy import stats
 
 from explore_bench.errors import RequestError
-from explore_bench.geometry import cell_of, centre_of
+from explore_bench.geometry import Grid, cell_of, centre_of
 from explore_bench.trial.seeding import stream
-from explore_bench.world.floor_plan import site_of
-from explore_bench.world.landmark.world import World, draw_world
+from explore_bench.world.floor_plan import floor_plan
+from explore_bench.world.kinds import draw_world
+from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
 
 SIZES = (20.0, 30.0, 40.0)
@@ -22,11 +23,11 @@ def world_of(trial, size=20.0, **changes):
 
 
 def landmark_cells(world):
-    return [cell_of(x, y, world.cells, world.cell_size) for x, y in world.landmarks.tolist()]
+    return [cell_of(world.grid, x, y) for x, y in world.landmarks.tolist()]
 
 
 def start_cell(world):
-    return cell_of(*world.start[:2], world.cells, world.cell_size)
+    return cell_of(world.grid, *world.start[:2])
 
 
 def reachable(free, start):
@@ -58,7 +59,7 @@ def test_the_trials_of_a_size_meet_different_worlds():
 def test_counts_are_those_of_the_scenario(size):
     scenario = Scenario(size=size)
     world = world_of(0, size)
-    assert world.cells == scenario.cells
+    assert world.grid == scenario.grid == Grid(int(size / 2), int(size / 2), 2.0)
     assert np.count_nonzero(world.obstacles) == scenario.obstacles
     assert world.landmarks.shape == (scenario.landmarks, 2)
 
@@ -93,7 +94,7 @@ def test_the_start_is_the_centre_of_a_free_cell():
     for trial in range(30):
         world = world_of(trial)
         cell = start_cell(world)
-        assert world.start[:2] == centre_of(cell, world.cells, world.cell_size)
+        assert world.start[:2] == centre_of(world.grid, cell)
         assert not world.obstacles.reshape(-1)[cell]
         assert -np.pi <= world.start[2] <= np.pi
 
@@ -129,7 +130,8 @@ def simple_world(edge=3, obstacle=4, landmark=(1.0, 1.0), start=(3.0, 1.0, 0.5),
     obstacles = np.zeros(edge * edge, dtype=bool)
     if obstacle is not None:
         obstacles[obstacle] = True
-    return World(obstacles.reshape(edge, edge), np.array([landmark]), start, cell_size)
+    grid = Grid(edge, edge, cell_size)
+    return LandmarkWorld(grid, obstacles.reshape(edge, edge), np.array([landmark]), start)
 
 
 def test_equal_worlds_have_equal_digests_of_twelve_hexadecimal_digits():
@@ -154,11 +156,15 @@ def test_empty_worlds_of_different_edges_have_different_digests():
 
 @pytest.mark.parametrize(
     ("obstacles", "landmarks", "named"),
-    [((3, 4), (1, 2), r"square.*\(3, 4\)"), ((9,), (1, 2), r"square.*\(9,\)"), ((3, 3), (4,), r"\(M, 2\).*\(4,\)")],
+    [
+        ((3, 4), (1, 2), r"\(3, 4\).*grid \(3, 3\)"),
+        ((9,), (1, 2), r"\(9,\).*grid \(3, 3\)"),
+        ((3, 3), (4,), r"\(M, 2\).*\(4,\)"),
+    ],
 )
 def test_arrays_of_wrong_shapes_are_refused(obstacles, landmarks, named):
     with pytest.raises(ValueError, match=named):
-        World(np.zeros(obstacles, dtype=bool), np.zeros(landmarks), (1.0, 1.0, 0.0), 2.0)
+        LandmarkWorld(Grid(3, 3, 2.0), np.zeros(obstacles, dtype=bool), np.zeros(landmarks), (1.0, 1.0, 0.0))
 
 
 # Given maps
@@ -169,10 +175,10 @@ def given(trial, rows=HALLS, **changes):
 
 
 def test_a_world_of_a_map_is_that_map_and_the_same_for_one_stream():
-    world, site = given(3), site_of(HALLS)
-    assert np.array_equal(world.obstacles, site.blocked)
-    assert np.array_equal(world.counted, site.counted)
-    assert np.array_equal(world.uncounted, np.flatnonzero(~site.counted))
+    world, plan = given(3), floor_plan(HALLS)
+    assert np.array_equal(world.obstacles, plan.blocked)
+    assert np.array_equal(world.counted, plan.counted)
+    assert np.array_equal(world.uncounted, np.flatnonzero(~plan.counted))
     assert world.digest == given(3).digest
     assert len({given(trial).digest for trial in range(50)}) == 50
 
@@ -184,7 +190,7 @@ def test_all_cells_of_a_drawn_world_count():
 
 def test_what_counts_tells_worlds_apart():
     world = simple_world()
-    other = World(world.obstacles, world.landmarks, world.start, world.cell_size, np.array([8]))
+    other = LandmarkWorld(world.grid, world.obstacles, world.landmarks, world.start, np.array([8]))
     assert other.digest != world.digest
     with pytest.raises(ValueError, match="read-only"):
         other.uncounted[0] = 1
@@ -192,14 +198,14 @@ def test_what_counts_tells_worlds_apart():
 
 @pytest.mark.parametrize("rows", [HALLS, tuple(row.replace("S", ".") for row in HALLS)], ids=["start", "no start"])
 def test_landmarks_lie_beside_walls_in_distinct_cells_and_leave_the_rest_joined(rows):
-    site = site_of(rows)
+    plan = floor_plan(rows)
     for trial in range(40):
         world = given(trial, rows, landmark_count=12)
         cells = landmark_cells(world)
         assert len(set(cells)) == len(cells) == 12
-        assert site.beside_walls.reshape(-1)[cells].all()
+        assert plan.beside_walls.reshape(-1)[cells].all()
         assert start_cell(world) not in cells
-        free = site.reachable.copy()
+        free = plan.reachable.copy()
         free.reshape(-1)[cells] = False
         assert len(reachable(free, start_cell(world))) == np.count_nonzero(free)
 
@@ -219,7 +225,7 @@ def test_there_are_as_many_landmarks_as_asked_for_or_as_there_is_room_for():
     assert len(given(0, landmark_count=5).landmarks) == 5
     assert given(0, landmark_count=0).landmarks.shape == (0, 2)
     crowded = given(0, landmark_count=1000)
-    assert 10 < len(crowded.landmarks) < site_of(HALLS).reachable.sum() - 2
+    assert 10 < len(crowded.landmarks) < floor_plan(HALLS).reachable.sum() - 2
     assert len(given(0, ("...", "...", "..."), landmark_count=9).landmarks) <= 7
     assert given(0, ("..",), landmark_count=9, cell_size=10.0).landmarks.shape == (0, 2)
 
@@ -233,15 +239,15 @@ def test_the_start_is_the_map_s_with_a_random_heading():
 
 def test_without_a_start_it_is_any_open_cell_of_the_largest_region():
     rows = tuple(row.replace("S", ".") for row in HALLS)
-    site = site_of(rows)
+    plan = floor_plan(rows)
     starts = []
     for trial in range(300):
         world = given(trial, rows)
         starts.append(start_cell(world))
-        assert world.start[:2] == centre_of(starts[-1], 10, 2.0)
-        assert site.reachable.reshape(-1)[starts[-1]]
+        assert world.start[:2] == centre_of(world.grid, starts[-1])
+        assert plan.reachable.reshape(-1)[starts[-1]]
         assert starts[-1] not in landmark_cells(world)
-    assert len(set(starts)) > 0.9 * site.reachable.sum()
+    assert len(set(starts)) > 0.9 * plan.reachable.sum()
 
 
 def test_landmarks_of_a_map_are_uniform_inside_their_cells():

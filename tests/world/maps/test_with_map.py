@@ -7,9 +7,9 @@ from PIL import Image
 from explore_bench.errors import RequestError
 from explore_bench.trial.seeding import stream
 from explore_bench.world.floor_plan import floor_plan
-from explore_bench.world.landmark.scenario import PAPER
-from explore_bench.world.landmark.world import draw_world
+from explore_bench.world.kinds import draw_world
 from explore_bench.world.maps import gallery, with_map
+from explore_bench.world.scenarios import PAPER
 
 ROWS = ("####", "#..#", "#S.#", "####")
 
@@ -52,7 +52,7 @@ def test_one_map_in_every_format_gives_the_same_rows(files, name, resolution, ha
 
 def test_the_cell_size_is_the_scenario_s(files):
     assert with_map(PAPER.replace(cell_size=1.0), files / "rooms.yaml").size == 8.0
-    assert with_map(PAPER.replace(cell_size=1.0), files / "rooms.yaml").cells == 8
+    assert with_map(PAPER.replace(cell_size=1.0), files / "rooms.yaml").grid.columns == 8
     assert with_map(PAPER.replace(cell_size=1.0), files / "rooms.txt").size == 4.0
 
 

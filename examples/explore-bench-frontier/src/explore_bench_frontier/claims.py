@@ -1,6 +1,6 @@
 """What is claimed of the strategies; explore-bench tests it, beside the claims of others, on the trials of a report."""
 
-from explore_bench.analysis.claims import Claim, comparisons
+from explore_bench import Claim, comparisons
 
 CLAIMS = (
     Claim(

@@ -6,7 +6,6 @@ International Journal of Robotics Research 21(10–11), 2002.
 import numpy as np
 
 from explore_bench import Observation, RequestError
-from explore_bench.geometry import centres
 
 DECAY = 0.2
 """λ [1/m], as in the paper."""
@@ -39,6 +38,6 @@ class NextBestView:
 def unknown_area(observation: Observation) -> np.ndarray:
     """Area of the unknown cells whose centres lie within sensor range of each candidate [m²], shape (C,)."""
     scenario = observation.scenario
-    cells = centres(np.flatnonzero(~observation.belief.known), scenario.cells, scenario.cell_size)
+    cells = scenario.grid.centres(np.flatnonzero(~observation.belief.known))
     apart = np.linalg.norm(observation.positions[:, None] - cells, axis=2)
     return (apart <= scenario.sensor_range).sum(axis=1) * scenario.cell_size**2

@@ -1,0 +1,33 @@
+"""What passes between the truth and the robot: the covariance of a reading, and the values of a patch."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from explore_bench.world.signals import Odometry, look_up
+
+
+def test_the_covariance_of_an_odometry_holds_the_squares_of_its_sigmas():
+    covariance = Odometry((0.5, 0.1, 0.2), (0.1, 0.2, 0.03)).covariance
+    assert covariance.shape == (3, 3)
+    np.testing.assert_allclose(covariance, np.diag([0.01, 0.04, 0.0009]), rtol=1e-12)
+
+
+@given(st.tuples(*[st.floats(1e-6, 10.0)] * 3))
+def test_the_covariance_is_the_spread_of_independent_entries(sigmas):
+    covariance = Odometry((0.0, 0.0, 0.0), sigmas).covariance
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), sigmas, rtol=1e-12)
+    assert np.count_nonzero(covariance) == 3
+
+
+def test_an_odometry_is_frozen():
+    with pytest.raises(AttributeError):
+        Odometry((0.0, 0.0, 0.0), (0.1, 0.1, 0.1)).motion = (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "value"), [(0.0, 0.0, 0), (0.49, 0.51, 3), (1.2, 0.4, 2), (1.5, 0.0, 2), (1.5, 1.5, 8), (0.6, 1.5, 7)]
+)
+def test_a_point_looks_up_its_cell_and_the_far_edge_the_last_one(u, v, value):
+    """Cells of half a metre, 3 × 3 of them, rows along v."""
+    assert look_up(np.arange(9, dtype=np.uint8).reshape(3, 3), u, v, 0.5) == value
