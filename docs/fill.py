@@ -66,6 +66,8 @@ PLAIN = {
     "OCCUPIED_ABOVE": "A cell whose probability exceeds this is believed occupied.",
     "PAPER": "The scenario of the paper.",
     "REWARD_WEIGHTS": "The constants of Eq. 24 with which this project trains.",
+    "CANDIDATE_COLUMNS": "Columns of a candidate among the features, in order.",
+    "STATE_COLUMNS": "Columns of the state among the features, in order.",
     "CURVE_COLUMNS": "Columns of a training curve.",
     "CURVE_WINDOW": "Steps that a row of a training curve stands for.",
 }

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         cells_of as cells_of,
         cells_within as cells_within,
         centre_of as centre_of,
+        room_within as room_within,
         wrap_angle as wrap_angle,
     )
     from explore_bench.records.provenance import (
@@ -99,6 +100,7 @@ PUBLIC: dict[str, str] = {
     "cell_of": "geometry",
     "cells_of": "geometry",
     "cells_within": "geometry",
+    "room_within": "geometry",
     "centre_of": "geometry",
     "wrap_angle": "geometry",
     "frontier_cells": "robot.planning.frontier",

@@ -47,11 +47,3 @@ if not numba.config.CACHE_DIR:
 def jit(function: F) -> F:
     """Compile `function` in nopython mode at its first call and cache it; division by zero follows IEEE 754."""
     return numba.njit(cache=True, error_model="numpy")(function)
-
-
-def jit_generator(function: F) -> F:
-    """Compile a generator for compiled callers, whose cached code holds it; not to be called by the interpreter.
-
-    It has no cache of its own: numba does not find the body of a generator that it loads from one.
-    """
-    return numba.njit(error_model="numpy")(function)

@@ -6,13 +6,12 @@ A pose is (x, y, heading) in metres and radians.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from explore_bench.compiled import jit, jit_generator
+from explore_bench.compiled import jit
 
 Array = NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -80,8 +79,9 @@ class Grid(NamedTuple):
         return bool(0.0 <= x - self.x0 <= width and 0.0 <= y - self.y0 <= height)
 
     def cell_of(self, x: float, y: float) -> int:
-        """Cell that holds a point [m]; see `cell_of`."""
-        return cell_of(self, x, y)
+        """Cell that holds a point [m]; see `cell_of`, whose source the interpreter runs sooner than it calls it."""
+        cell: int = cell_of.py_func(self, x, y)  # type: ignore[attr-defined]
+        return cell
 
     def centre_of(self, cell: int) -> tuple[float, float]:
         """Centre (x, y) [m] of a cell."""
@@ -107,8 +107,8 @@ def place_of(grid: Grid, x: float, y: float) -> tuple[int, int]:
 @jit
 def cell_of(grid: Grid, x: float, y: float) -> int:
     """Cell that holds the point (x, y) [m]; points outside go to the nearest cell."""
-    column, row = place_of(grid, x, y)
-    return min(max(row, 0), grid.rows - 1) * grid.columns + min(max(column, 0), grid.columns - 1)
+    column, row = math.floor((x - grid.x0) / grid.resolution), math.floor((y - grid.y0) / grid.resolution)
+    return min(max(int(row), 0), grid.rows - 1) * grid.columns + min(max(int(column), 0), grid.columns - 1)
 
 
 @jit
@@ -137,30 +137,44 @@ def _span(offset: float, reach: float, count: int, resolution: float) -> tuple[i
     return max(int(first), 0), min(int(last), count - 1)
 
 
-@jit_generator
-def cells_within(grid: Grid, x: float, y: float, reach: float) -> Iterator[tuple[int, float, float]]:
-    """Cells whose centre lies within `reach` of the point (x, y) [m], ascending, each with the way to its centre.
+@jit
+def room_within(grid: Grid, reach: float) -> tuple[NDArray[np.int64], Array]:
+    """Room for what `cells_within` finds: cells, shape (K,), and the ways to their centres [m], shape (K, 2)."""
+    side = int(2.0 * reach / grid.resolution) + 2
+    return np.empty(side * side, dtype=np.int64), np.empty((side * side, 2))
 
-    The only place that says what is in range: sensing, maps, features and predictions all ask here.
+
+@jit
+def cells_within(grid: Grid, x: float, y: float, reach: float, cells: NDArray[np.int64], ways: Array) -> int:
+    """Find the cells whose centre lies within `reach` of the point (x, y) [m], ascending; returns how many there are.
+
+    The only place that says what is in range: sensing, maps, features and predictions all ask here. What is found is
+    written into `cells`, and the way from the point to each centre into `ways`, both from `room_within`: hot loops ask
+    for thousands of points, and a generator or new arrays would cost as much as what is done with them.
     """
     row0, row1 = _span(y - grid.y0, reach, grid.rows, grid.resolution)
     column0, column1 = _span(x - grid.x0, reach, grid.columns, grid.resolution)
     reach2 = reach * reach
+    count = 0
     for row in range(row0, row1 + 1):
         dy = grid.y0 + (row + 0.5) * grid.resolution - y
         for column in range(column0, column1 + 1):
             dx = grid.x0 + (column + 0.5) * grid.resolution - x
             if dx * dx + dy * dy <= reach2:
-                yield row * grid.columns + column, dx, dy
+                cells[count] = row * grid.columns + column
+                ways[count, 0], ways[count, 1] = dx, dy
+                count += 1
+    return count
 
 
 @jit
 def in_reach(grid: Grid, points: Array, reach: float) -> NDArray[np.bool_]:
     """Compiled part of `Grid.in_reach`."""
     view = np.zeros((points.shape[0], grid.rows * grid.columns), dtype=np.bool_)
-    for k in range(points.shape[0]):
-        for cell, _, _ in cells_within(grid, points[k, 0], points[k, 1], reach):
-            view[k, cell] = True
+    cells, ways = room_within(grid, reach)
+    for i in range(points.shape[0]):
+        for k in range(cells_within(grid, points[i, 0], points[i, 1], reach, cells, ways)):
+            view[i, cells[k]] = True
     return view
 
 

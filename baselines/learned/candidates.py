@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.learned.graph import sum_in_range
-from explore_bench import Array, Grid, Observation, cells_within, centre_of, jit, wrap_angle
+from explore_bench import Array, Grid, Observation, cells_within, centre_of, jit, room_within, wrap_angle
 
 CANDIDATE_COLUMNS = (
     "length",  # of the path [10 m]
@@ -239,12 +239,14 @@ def _revealed(
 ) -> tuple[int, int, int, float, float]:
     """Unknown cells within range of a path and of its end; of their regions the size, share revealed, and pockets."""
     unknown = ~known.reshape(-1)
+    cells, ways = room_within(grid, reach)
     mark = np.zeros(unknown.size, dtype=np.bool_)
     taken = np.zeros(sizes.shape[0], dtype=np.int64)
     revealed, at_end = 0, 0
     for k in range(path.shape[0]):
         x, y = centre_of(grid, path[k])
-        for cell, _, _ in cells_within(grid, x, y, reach):
+        for found in range(cells_within(grid, x, y, reach, cells, ways)):
+            cell = cells[found]
             if not unknown[cell]:
                 continue
             if k == path.shape[0] - 1:

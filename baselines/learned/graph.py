@@ -22,6 +22,7 @@ from explore_bench import (
     cells_within,
     jit,
     renyi_entropy,
+    room_within,
     shannon_entropy,
     unknown,
 )
@@ -237,9 +238,10 @@ def _shannon_in_range(nodes: Nodes) -> Array:
 def sum_in_range(values: Array, positions: Array, grid: Grid, reach: float) -> Array:
     """Sum of the cells' values, shape (n_g,), over those whose centre lies within reach of each position."""
     sums = np.zeros(positions.shape[0])
+    cells, ways = room_within(grid, reach)
     for i in range(positions.shape[0]):
-        for cell, _, _ in cells_within(grid, positions[i, 0], positions[i, 1], reach):
-            sums[i] += values[cell]
+        for k in range(cells_within(grid, positions[i, 0], positions[i, 1], reach, cells, ways)):
+            sums[i] += values[cells[k]]
     return sums
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Grid, cells_within
+from explore_bench.geometry import Array, Grid, cells_within, room_within
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.signals import HIDDEN, OCCUPIED, look_up
 
@@ -53,10 +53,12 @@ def place_scans(
     increments : of `log_odds_increments`.
     """
     hit, miss, bound = increments
+    cells, ways = room_within(grid, sensor_range)
     for i in range(poses.shape[0]):
         turn = origins[i, 2] - poses[i, 2]
         c, s = math.cos(turn), math.sin(turn)
-        for cell, dx, dy in cells_within(grid, poses[i, 0], poses[i, 1], sensor_range):
+        for k in range(cells_within(grid, poses[i, 0], poses[i, 1], sensor_range, cells, ways)):
+            cell, dx, dy = cells[k], ways[k, 0], ways[k, 1]
             u, v = origins[i, 0] + c * dx - s * dy, origins[i, 1] + s * dx + c * dy
             value = look_up(patches[i], u, v, grid.resolution)
             if value == HIDDEN:

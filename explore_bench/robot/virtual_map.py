@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Grid, cells_within
+from explore_bench.geometry import Array, Grid, cells_within, room_within
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.signals import HIDDEN, look_up, point_in_patch
 
@@ -141,13 +141,15 @@ def fuse_poses(
     reach, bearing_sigma, range_sigma, by_determinant, replace_first = constants
     bearing2, range2 = bearing_sigma**2, range_sigma**2
     occluded = patches.shape[1] > 0
+    cells, ways = room_within(grid, reach)
     for i in range(poses.shape[0]):
         if not used[i]:
             continue
         sigma = covariances[i]
         xx, xy, yy = sigma[0, 0], sigma[0, 1], sigma[1, 1]
         xh, yh, hh = sigma[0, 2], sigma[1, 2], sigma[2, 2]
-        for cell, dx, dy in cells_within(grid, poses[i, 0], poses[i, 1], reach):
+        for k in range(cells_within(grid, poses[i, 0], poses[i, 1], reach, cells, ways)):
+            cell, dx, dy = cells[k], ways[k, 0], ways[k, 1]
             distance2 = dx * dx + dy * dy
             if occluded:
                 u, v = point_in_patch(dx, dy, poses[i, 2], origins[i])

@@ -8,7 +8,6 @@ from typing import Protocol
 
 import numpy as np
 
-from explore_bench.geometry import cell_of
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.lap import Lap
 from explore_bench.robot.planning.roads import Roads
@@ -128,7 +127,7 @@ def _checked_target(target: Target, roads: Roads) -> Target:
             f"{shown} lies outside the map of {grid.columns * grid.resolution:g} × {grid.rows * grid.resolution:g} m; "
             "choose one of observation.reachable"
         )
-    cell = cell_of(grid, x, y)
+    cell = grid.cell_of(x, y)
     if cell == roads.start:
         raise ChoiceError(f"{shown} lies in the robot's own cell {cell}; choose another one of observation.reachable")
     if not roads.free.reshape(-1)[cell]:

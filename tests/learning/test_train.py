@@ -153,7 +153,7 @@ def test_the_card_says_what_the_weights_are_and_how_they_were_made(tmp_path):
     assert card["reward_weights"].keys() == {"uncertainty", "turning", "length", "error", "steps", "explored"}
     assert card["scales"] == [1.0]
     assert card["resumed"] == []
-    assert card["scenario"] == {"size": 10.0, "landmark_count": 1, "obstacle_count": 2}
+    assert card["scenario"] == {"kind": "landmark", "size": 10.0, "landmark_count": 1, "obstacle_count": 2}
     assert card["scenario_digest"] == scenario_digest(SMALL)
     assert card["versions"].keys() == {"gtsam", "numpy", "torch"}
     assert card["versions"]["torch"] == torch.__version__

@@ -156,7 +156,8 @@ def test_what_is_not_finite_counts_as_nothing():
 def test_a_trial_without_a_decision_is_packed_as_nothing(stored, monkeypatch):
     record_ = stored.store.find(stored.specs[0])
     replay = stored.store.replay(stored.specs[0])
-    empty = dataclasses.replace(replay, steps=[], candidates=[], choices=[], targets=[], maps=[], ellipses=[], landmarks=[])
+    columns = (field.name for field in dataclasses.fields(replay))
+    empty = dataclasses.replace(replay, **{name: [] for name in columns})
     monkeypatch.setattr(stored.store, "replay", lambda spec: empty)
     assert packed(stored.store, record_) == ""
     assert unpack_replay(pack_replay(record_, empty))["map"].size == 0

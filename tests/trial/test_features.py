@@ -146,7 +146,7 @@ def test_places_are_those_in_the_robot_s_frame():
 
 def test_unknown_cells_in_view_are_those_that_another_sum_finds():
     for observation in observations(PAPER.replace(size=30.0)):
-        unknown = (~observation.belief.known).astype(float)
+        unknown = (~observation.belief.known).astype(float).reshape(-1)
         sums = sum_in_range(unknown, observation.positions, observation.scenario.grid, 5.0)
         seen = features(observation)
         assert column(seen, "unknown") * 21.0 == pytest.approx(sums[seen.order], abs=1e-4)

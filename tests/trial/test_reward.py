@@ -121,10 +121,10 @@ def test_error_steps_and_known_share_are_those_after_the_decision(column):
     assert gained(replace(BEFORE, **{column: 3})) == gained()
 
 
-@pytest.mark.parametrize(
-    "column",
-    sorted(step_columns("landmark").keys() - {"step", "uncertainty", "peak_trace", "explored", "path_length", "turned"}),
-)
+REWARDED = {"step", "uncertainty", "peak_trace", "explored", "path_length", "turned"}
+
+
+@pytest.mark.parametrize("column", sorted(step_columns("landmark").keys() - REWARDED))
 def test_nothing_else_of_a_row_matters_the_truth_least(column):
     assert gained(replace(BEFORE, **{column: 5}), replace(AFTER, **{column: 9})) == gained()
 

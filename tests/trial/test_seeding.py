@@ -49,6 +49,20 @@ def test_sizes_are_told_apart_to_the_millimetre():
     assert at[20.0] == at[20.0000001]
 
 
+@pytest.mark.parametrize("role", ROLES)
+def test_the_first_robot_s_streams_are_those_of_a_trial_and_each_further_one_has_its_own(role):
+    key = ("evaluate", 0, 20.0, 3, role)
+    assert first_numbers((*key, 0)) == first_numbers(key)
+    assert first_numbers((*key, 1), 100) == first_numbers((*key, 1), 100)
+    numbers = [number for robot in range(4) for number in first_numbers((*key, robot))]
+    assert len(set(numbers)) == 4 * 4
+
+
+def test_a_second_robot_s_streams_share_no_first_number_with_any_first_one_s():
+    numbers = [number for key in KEYS[::7] for robot in (0, 1) for number in first_numbers((*key, robot))]
+    assert len(set(numbers)) == len(numbers)
+
+
 def test_the_benchmark_s_own_worlds_stay_what_they_are():
     """Changing these numbers changes every world and all noise of the benchmark."""
     assert first_numbers(("evaluate", 0, 20.0, 0, "world"), 2) == (1309465695317828978, 8758085795807278203)

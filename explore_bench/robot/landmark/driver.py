@@ -36,7 +36,7 @@ class Driver(NamedTuple):
 
     def command(self, pose: Pose, waypoint: tuple[float, float]) -> Command | None:
         """Next command towards a waypoint [m], or None when it is reached."""
-        turn, forward = _command(self, pose, waypoint)
+        turn, forward = _command(*self, pose, waypoint)
         return None if turn == 0.0 and forward == 0.0 else (turn, forward)
 
     def follow(self, pose: Pose, waypoints: Array) -> Array:
@@ -45,16 +45,18 @@ class Driver(NamedTuple):
 
 
 @jit
-def _command(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> Command:
+def _command(
+    step_length: float, turn_threshold: float, arrival_radius: float, pose: Pose, waypoint: tuple[float, float]
+) -> Command:
     """Next command towards a waypoint; (0, 0) when it is reached."""
     dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
     distance = math.hypot(dx, dy)
-    if distance <= driver.arrival_radius:
+    if distance <= arrival_radius:
         return 0.0, 0.0
     turn = wrap_angle(math.atan2(dy, dx) - pose[2])
-    if abs(turn) > driver.turn_threshold:
+    if abs(turn) > turn_threshold:
         return turn, 0.0
-    return 0.0, min(driver.step_length, distance)
+    return 0.0, min(step_length, distance)
 
 
 @jit
@@ -62,7 +64,7 @@ def drive_to(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> tuple
     """Steps that a robot without noise takes to reach a waypoint [m], and its pose there."""
     steps = 0
     while True:
-        turn, forward = _command(driver, pose, waypoint)
+        turn, forward = _command(*driver, pose, waypoint)
         if turn == 0.0 and forward == 0.0:
             return steps, pose
         pose = compose(pose, (forward, 0.0, turn))
@@ -75,7 +77,7 @@ def _follow(driver: Driver, pose: Pose, waypoints: Array) -> Array:
     for w in range(waypoints.shape[0]):
         waypoint = (waypoints[w, 0], waypoints[w, 1])
         while True:
-            turn, forward = _command(driver, pose, waypoint)
+            turn, forward = _command(*driver, pose, waypoint)
             if turn == 0.0 and forward == 0.0:
                 break
             commands.append((turn, forward))

@@ -34,6 +34,7 @@ class FactorGraph:
         noise = scenario.noise
         self._prior = _sigmas(noise.prior, noise.prior, noise.prior_heading)
         self._sighting = _sigmas(noise.bearing, noise.range)
+        self._noise: dict[tuple[float, float, float], gtsam.noiseModel.Diagonal] = {}
         self._number: dict[int, int] = {}
         self._steps = -1
         self._pose: Pose = start
@@ -61,8 +62,10 @@ class FactorGraph:
             graph.add(gtsam.PriorFactorPose2(key, gtsam.Pose2(*guess), self._prior))
         else:
             guess = compose(self._pose, odometry.motion)
-            motion, noise = gtsam.Pose2(*odometry.motion), _sigmas(*odometry.sigmas)
-            graph.add(gtsam.BetweenFactorPose2(X(self._steps - 1), key, motion, noise))
+            motion = gtsam.Pose2(*odometry.motion)
+            if odometry.sigmas not in self._noise:
+                self._noise[odometry.sigmas] = _sigmas(*odometry.sigmas)
+            graph.add(gtsam.BetweenFactorPose2(X(self._steps - 1), key, motion, self._noise[odometry.sigmas]))
         values.insert(key, gtsam.Pose2(*guess))
         for landmark, bearing, distance in zip(
             sightings.landmarks.tolist(), sightings.bearings.tolist(), sightings.ranges.tolist(), strict=True

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.geometry import Array, Pose, cell_of, cells_of
+from explore_bench.geometry import Array, Pose, cells_of
 from explore_bench.robot.planning.astar import shortest_path
 from explore_bench.robot.planning.frontier import frontier_cells
 from explore_bench.robot.planning.roads import Roads
@@ -34,7 +34,7 @@ class Ground:
     @property
     def own_cell(self) -> int:
         """The robot's cell."""
-        return cell_of(self.scenario.grid, self.pose[0], self.pose[1])
+        return self.scenario.grid.cell_of(self.pose[0], self.pose[1])
 
     @property
     def landmark_cells(self) -> NDArray[np.int64]:

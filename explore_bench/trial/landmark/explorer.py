@@ -78,7 +78,7 @@ class LandmarkExplorer:
     def own_cell(self) -> int:
         """The cell of the estimated position."""
         x, y, _ = self.smoother.pose
-        return cell_of(self.scenario.grid, x, y)
+        return self.scenario.grid.cell_of(x, y)
 
     def belief(self) -> Belief:
         """What the robot believes now, frozen."""
