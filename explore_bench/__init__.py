@@ -63,8 +63,8 @@ if TYPE_CHECKING:
         STATE_COLUMNS as STATE_COLUMNS,
         features as features,
     )
+    from explore_bench.trial.loop import rollout as rollout
     from explore_bench.trial.reward import REWARD_WEIGHTS as REWARD_WEIGHTS, RewardWeights as RewardWeights
-    from explore_bench.trial.rollout import rollout as rollout
     from explore_bench.trial.run import run_trial as run_trial
     from explore_bench.trial.scores import Score as Score, score as score
     from explore_bench.trial.seeding import stream as stream
@@ -124,7 +124,7 @@ PUBLIC: dict[str, str] = {
     "TrialSpec": "trial.spec",
     "Status": "trial.spec",
     "Step": "trial.steps",
-    "rollout": "trial.rollout",
+    "rollout": "trial.loop",
     "run_trial": "trial.run",
     "run": "runs.runner",
     # learning

@@ -9,7 +9,7 @@ import textwrap
 import numpy as np
 import pandas as pd
 
-from explore_bench.records.shard import TrialRecord
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.runs.suites import plan
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import FINAL_COLUMNS, step_columns

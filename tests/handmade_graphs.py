@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from baselines.learned.candidates import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateSet
+from baselines.learned.candidate_features import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, CandidateSet
 from baselines.learned.graph import ExplorationGraph
 
 

@@ -20,7 +20,7 @@ from explore_bench.robot.belief import Belief
 from explore_bench.strategies.contract import Observation
 from explore_bench.strategies.loading import load_factory, make_strategy
 from explore_bench.strategies.registry import strategies
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step

@@ -13,7 +13,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.candidates import (
+from baselines.learned.candidate_features import (
     BLOCK_COLUMNS,
     CANDIDATE_COLUMNS,
     STATE_COLUMNS,

@@ -23,7 +23,7 @@ import pandas as pd
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.candidates import CandidateBatch
+from baselines.learned.candidate_features import CandidateBatch
 from baselines.learned.checkpoint import load_weights
 from baselines.learned.graph import ExplorationGraph, exploration_graph
 from baselines.learned.graph_stnn import GraphSTNN

@@ -14,7 +14,7 @@ import pandas as pd
 
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.robot.virtual_map import VirtualMap
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.seeding import stream
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenarios import PAPER

@@ -17,7 +17,7 @@ from explore_bench.trial.scores import Score
 from explore_bench.trial.spec import Status
 
 if TYPE_CHECKING:
-    from explore_bench.records.shard import TrialRecord
+    from explore_bench.records.encoding import TrialRecord
 
 Array = np.ndarray
 

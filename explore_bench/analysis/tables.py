@@ -13,8 +13,8 @@ from explore_bench.analysis.csv_files import KEYS
 from explore_bench.analysis.metrics import METRICS, regret
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.errors import RequestError, writing
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import weights_digest
-from explore_bench.records.shard import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.strategies.registry import entry_named, in_order, strategies
 from explore_bench.trial.spec import TrialSpec

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, writing
-from explore_bench.records.provenance import forget_code, scenario_digest, trial_key
-from explore_bench.records.shard import (
+from explore_bench.records.encoding import (
     Replay,
     TrialRecord,
     encode,
@@ -24,6 +23,7 @@ from explore_bench.records.shard import (
     spec_from,
     version_words,
 )
+from explore_bench.records.provenance import forget_code, scenario_digest, trial_key
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import SCHEMA_VERSION

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import Survival, interquartile_mean_interval, survival, win_tie_loss
 from explore_bench.analysis.tables import by_world
-from explore_bench.report.style import entry_of, plain_log, save_all, styled
+from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import (
     PAPER_METRICS,
     Scope,

@@ -11,7 +11,7 @@ import pandas as pd
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import Estimate, kendall_tau
 from explore_bench.analysis.tables import by_world
-from explore_bench.report.style import entry_of
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER

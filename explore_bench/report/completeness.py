@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import pandas as pd
 
 from explore_bench.analysis.metrics import explored, finished
-from explore_bench.records.shard import TrialRecord
-from explore_bench.report.style import entry_of
+from explore_bench.records.encoding import TrialRecord
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import PAPER_TABLES, Scope, Table, shown_name
 from explore_bench.runs.suites import SUITES
 from explore_bench.strategies.registry import strategies

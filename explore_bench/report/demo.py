@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.tables import trial_table
 from explore_bench.errors import RequestError, writing
-from explore_bench.records.shard import Replay, TrialRecord
+from explore_bench.records.encoding import Replay, TrialRecord
 from explore_bench.records.store import Store
+from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.scene import draw_scene, scene_legend, scene_of
-from explore_bench.report.style import entry_of, save, styled
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
 

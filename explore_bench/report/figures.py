@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import CURVES, curve, finished
 from explore_bench.analysis.statistics import CONFIDENCE
-from explore_bench.records.shard import TrialRecord
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
+from explore_bench.report.drawing import entry_of, save_all, styled
 from explore_bench.report.scene import draw_scene, scene_legend, scene_of
-from explore_bench.report.style import entry_of, save_all, styled
 from explore_bench.report.tables import shown_name
 from explore_bench.strategies.registry import in_order, strategies
 from explore_bench.trial.seeding import stream

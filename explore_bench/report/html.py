@@ -13,14 +13,14 @@ import jinja2
 import pandas as pd
 from markupsafe import Markup
 
-from explore_bench.records.shard import TrialRecord
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.markup import column_attributes, dot, header_groups, row_scope
 from explore_bench.report.origin import origin_tables
 from explore_bench.report.player import player_data, player_legend
-from explore_bench.report.style import entry_of
 from explore_bench.report.tables import Table, shown_name
 from explore_bench.report.vector import inline, width_of
 from explore_bench.strategies.registry import in_order
@@ -116,7 +116,7 @@ def script_json(values: Any) -> str:
 
 @cache
 def _loader() -> jinja2.PackageLoader:
-    return jinja2.PackageLoader(__package__, "page")
+    return jinja2.PackageLoader(__package__, "assets")
 
 
 def _environment() -> jinja2.Environment:

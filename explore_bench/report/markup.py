@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from markupsafe import Markup
 
-from explore_bench.report.style import entry_of
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import Scope, Table
 
 NOTHING = Markup("")

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import LIBRARIES, code_digest, installed_version, scenario_digest, weights_digest
-from explore_bench.records.shard import TrialRecord
 from explore_bench.report.tables import Scope, Table, shown_name
 from explore_bench.strategies.entry import parse_factory, weights_file
 from explore_bench.trial.spec import TrialSpec

@@ -9,11 +9,11 @@ import pandas as pd
 from markupsafe import Markup
 
 from explore_bench.analysis.metrics import score
-from explore_bench.records.shard import TrialRecord
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report import scene
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.replays import choose_trials, packed
-from explore_bench.report.style import entry_of
 from explore_bench.report.tables import number_text, shown_name
 
 COLORS = {

@@ -9,17 +9,17 @@ import pandas as pd
 
 from explore_bench.analysis.tables import summary_table, trial_table
 from explore_bench.errors import RequestError, writing
-from explore_bench.records.shard import TrialRecord
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.aggregates import aggregate_tables, write_survival_figures
 from explore_bench.report.agreement import agreement_tables
+from explore_bench.report.drawing import showing
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.pages.claims import claims_section, examined, overview, write_claims
 from explore_bench.report.pages.maps import write_map_report
 from explore_bench.report.pages.sensitivity import write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
-from explore_bench.report.style import showing
 from explore_bench.report.tables import report_tables, write_tables
 
 

@@ -2,7 +2,7 @@
 
 A packed replay is columns of integers: quantities in fixed units (SCALES), each value less the one `lag` places
 before, as zigzag variable-length integers (LEB128), after a header in JSON that names the columns; all of it
-compressed by gzip without a date. `unpack_replay` is the reference for the player's own reader in `page/player.js`.
+compressed by gzip without a date. `unpack_replay` is the reference for the player's own reader in `assets/player.js`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from explore_bench.analysis.metrics import curve, exploration_efficiency
-from explore_bench.records.shard import Replay, TrialRecord
+from explore_bench.records.encoding import Replay, TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.trial.snapshot import unpack_ellipses, unpack_map
 from explore_bench.world.scenario import Scenario

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from explore_bench.records.shard import Replay, TrialRecord
+from explore_bench.records.encoding import Replay, TrialRecord
 from explore_bench.trial.snapshot import Snapshot, unpack_ellipses, unpack_map
 from explore_bench.world.kinds import World
 from explore_bench.world.scenario import Scenario

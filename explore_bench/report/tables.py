@@ -15,7 +15,7 @@ import pandas as pd
 from explore_bench.analysis.metrics import METRICS, REGRET, Metric
 from explore_bench.analysis.statistics import Estimate, paired_difference
 from explore_bench.analysis.tables import by_world
-from explore_bench.report.style import entry_of
+from explore_bench.report.drawing import entry_of
 from explore_bench.strategies.registry import in_order, strategies
 
 PAPER_TABLES = {

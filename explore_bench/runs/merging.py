@@ -9,7 +9,7 @@ from pathlib import Path
 from explore_bench.analysis.tables import refuse_shared_names, write_trials
 from explore_bench.analysis.times import read_times, write_time_rows
 from explore_bench.errors import RequestError
-from explore_bench.records.shard import comparable
+from explore_bench.records.encoding import comparable
 from explore_bench.records.store import Store
 from explore_bench.trial.spec import TrialSpec
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from explore_bench.strategies.contract import Observation, Target
+from explore_bench.trial.loop import Ending, rollout
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
-from explore_bench.trial.rollout import Ending, rollout
 from explore_bench.trial.seeding import Purpose, Role, stream
 from explore_bench.trial.steps import Step
 from explore_bench.world.kinds import World, draw_world

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from explore_bench.robot.belief import Belief
-from explore_bench.robot.lap import Lap
 from explore_bench.robot.planning.roads import Roads
+from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.spec import Status
 from explore_bench.trial.steps import Step

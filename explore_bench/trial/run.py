@@ -13,12 +13,12 @@ import numpy as np
 
 from explore_bench.errors import RequestError, describe
 from explore_bench.geometry import Array
-from explore_bench.robot.lap import Lap, no_lap
+from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.strategies.loading import StrategyError, check_methods, make_strategy
 from explore_bench.trial.containment import OutOfTime, one_process, time_limit
 from explore_bench.trial.explorer import ChoiceError
-from explore_bench.trial.rollout import Ending, rollout
+from explore_bench.trial.loop import Ending, rollout
 from explore_bench.trial.snapshot import Snapshot, take_snapshot
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step

@@ -32,7 +32,7 @@ from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.learned.policy import Policy, evaluate
 from explore_bench.errors import RequestError
 from explore_bench.strategies.contract import Observation
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.world.kinds import draw_world

@@ -30,7 +30,7 @@ from explore_bench.geometry import Grid, cell_of, centre_of
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.strategies.contract import Observation
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario

@@ -9,7 +9,7 @@ from handmade_graphs import random_graph, random_set, reordered, reordered_set
 from hypothesis import given, settings, strategies as st
 
 from baselines import STRATEGIES
-from baselines.learned.candidates import CandidateSet
+from baselines.learned.candidate_features import CandidateSet
 from baselines.learned.gcn import GCN
 from baselines.learned.graph import ExplorationGraph
 from baselines.learned.graph_stnn import CHANNELS, GraphSTNN

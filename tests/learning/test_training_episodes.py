@@ -14,8 +14,8 @@ from explore_bench.strategies.contract import Observation
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.explorer import ChoiceError
 from explore_bench.trial.landmark.step import LandmarkStep
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
-from explore_bench.trial.rollout import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.seeding import stream
 from explore_bench.trial.spec import Status, TrialSpec

@@ -371,7 +371,7 @@ def modules(factory):
 ALL_OF = ("robot", "robot.landmark", "robot.planning", "world.landmark", "trial.landmark")
 """Packages of which a trial in a landmark world runs every module."""
 
-SOME = {"trial.run", "trial.rollout", "trial.explorer", "trial.steps", "trial.seeding", "geometry", "world.scenario"}
+SOME = {"trial.run", "trial.loop", "trial.explorer", "trial.steps", "trial.seeding", "geometry", "world.scenario"}
 
 
 def sources(folder):
@@ -498,7 +498,7 @@ STALE = {
     "second_kind.py": CHESS,
     # of all
     "explore_bench/robot/planning/astar.py": CHESS + LANDMARK,
-    "explore_bench/trial/rollout.py": CHESS + LANDMARK,
+    "explore_bench/trial/loop.py": CHESS + LANDMARK,
     "explore_bench/trial/run.py": CHESS + LANDMARK,
     "explore_bench/world/scenario.py": CHESS + LANDMARK,
     # of one strategy

@@ -12,8 +12,8 @@ import pytest
 from handmade import TINY, tiny_plan, write_plugin
 
 from explore_bench.errors import RequestError
+from explore_bench.records.encoding import METADATA_KEY, comparable, read_record, read_replay
 from explore_bench.records.provenance import trial_key
-from explore_bench.records.shard import METADATA_KEY, comparable, read_record, read_replay
 from explore_bench.records.store import PROTOCOL_FILE, Store, missing
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.run import run_trial

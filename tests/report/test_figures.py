@@ -12,10 +12,10 @@ from matplotlib.colors import to_hex
 
 from explore_bench.analysis.metrics import CURVES, curve
 from explore_bench.records.store import Store
-from explore_bench.report import figures, style
+from explore_bench.report import drawing, figures
+from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.figures import CURVE_FIGURES, write_figures
 from explore_bench.report.render import write_report
-from explore_bench.report.style import entry_of, save, styled
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.run import run_trial
@@ -82,7 +82,7 @@ def drawn(monkeypatch):
             ]
             seen[path.stem + " legend"] = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
-    monkeypatch.setattr(style, "save", look)
+    monkeypatch.setattr(drawing, "save", look)
 
     def draw(store, records=None):
         seen.clear()

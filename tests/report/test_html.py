@@ -392,10 +392,10 @@ def test_a_report_writes_the_page_and_every_file_twice_the_same(own_store):
 
 
 def test_the_page_s_files_are_part_of_the_package():
-    folder = Path(html.__file__).parent / "page"
+    folder = Path(html.__file__).parent / "assets"
     assert {file.name for file in folder.iterdir()} == {"page.html.j2", "page.css", "player.js"}
     project = (Path(html.__file__).parents[2] / "pyproject.toml").read_text()
-    assert '"explore_bench.report" = ["page/*"]' in project
+    assert '"explore_bench.report" = ["assets/*"]' in project
 
 
 SIZE20 = record(rows=1).spec.scenario.__class__(size=20.0)

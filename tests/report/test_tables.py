@@ -12,7 +12,7 @@ from handmade import record, with_spec
 
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import SUMMARY_COLUMNS, summary_table, trial_table
-from explore_bench.report.style import showing
+from explore_bench.report.drawing import showing
 from explore_bench.report.tables import (
     PAPER_TABLES,
     STATUSES,

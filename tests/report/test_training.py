@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex
 
 from explore_bench.analysis.training_curve import CURVE_COLUMNS, CURVE_WINDOW, curve_path
 from explore_bench.errors import RequestError
-from explore_bench.report import style
+from explore_bench.report import drawing
 from explore_bench.report.figures import _by_world
 from explore_bench.report.pages import training
 from explore_bench.report.pages.training import PANELS, TRAINING_FIGURES, on_one_axis, write_training_figures
@@ -62,7 +62,7 @@ def drawn(monkeypatch, tmp_path):
             legend = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
             seen[path.stem] = SimpleNamespace(panels=panels, legend=legend)
 
-    monkeypatch.setattr(style, "save", look)
+    monkeypatch.setattr(drawing, "save", look)
 
     def draw():
         seen.clear()

@@ -7,7 +7,7 @@ import types
 import numpy as np
 
 from explore_bench.strategies.contract import Observation
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import Step
 from explore_bench.world.kinds import draw_world

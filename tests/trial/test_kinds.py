@@ -9,7 +9,7 @@ from second_kind import KIND, ChessScenario, ChessStep, registered
 from explore_bench import RequestError, Scenario, TrialSpec, World, draw_world, run_trial, stream
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.tables import TRIAL_COLUMNS, trial_table
-from explore_bench.records.shard import read_replay
+from explore_bench.records.encoding import read_replay
 from explore_bench.records.store import Store
 from explore_bench.runs.workers.task import warm_up
 from explore_bench.trial.steps import step_columns

@@ -21,8 +21,8 @@ from explore_bench.analysis.claims import (
     verdict,
 )
 from explore_bench.analysis.training_curve import TRAINING_METRICS
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.html import Section
-from explore_bench.report.style import entry_of
 from explore_bench.report.tables import Scope, Table, interval_text, number_text, signed_text
 
 HEADER = (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from explore_bench.analysis.gate.judging import LEVEL, STATED_LOSS, Gate, Judgement, Verdict
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.report.style import entry_of
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import Table, heading, number_text
 
 HEADER = (

@@ -16,9 +16,9 @@ from matplotlib.patches import PathPatch
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import by_world
-from explore_bench.records.shard import TrialRecord
+from explore_bench.records.encoding import TrialRecord
+from explore_bench.report.drawing import entry_of, save_all, styled
 from explore_bench.report.scene import squares
-from explore_bench.report.style import entry_of, save_all, styled
 from explore_bench.report.tables import PAPER_METRICS, Table, heading, interval_text, shown_name
 from explore_bench.strategies.registry import in_order
 

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from explore_bench.analysis.training_curve import CURVE_WINDOW, on_one_axis, training_curves
-from explore_bench.report.style import save_all, styled
+from explore_bench.report.drawing import save_all, styled
 from explore_bench.strategies.registry import strategies
 
 TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "table3"}

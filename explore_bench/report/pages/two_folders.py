@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.two_folders import Difference, FolderComparison
-from explore_bench.report.style import entry_of
+from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import Table, heading, interval_text, number_text, signed_text
 
 

@@ -14,8 +14,8 @@ from explore_bench.robot.landmark.block_arrow import (
     recover,
     to_world,
 )
+from explore_bench.robot.landmark.growing import Rows
 from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
-from explore_bench.robot.landmark.rows import Rows
 from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.signals import Odometry
 

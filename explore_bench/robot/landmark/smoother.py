@@ -15,10 +15,10 @@ from explore_bench.geometry import Array, Pose
 from explore_bench.robot.belief import Belief, peak_traces
 from explore_bench.robot.landmark.factor_graph import FactorGraph
 from explore_bench.robot.landmark.graph import LandmarkGraph
+from explore_bench.robot.landmark.growing import Rows
 from explore_bench.robot.landmark.marginals import Marginals
-from explore_bench.robot.landmark.rows import Rows
-from explore_bench.robot.lap import Lap, no_lap
 from explore_bench.robot.occupancy import OccupancyMap
+from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.robot.virtual_map import NOTHING_HIDDEN, VirtualMap, key_poses
 from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.signals import Odometry, Patch, Scan

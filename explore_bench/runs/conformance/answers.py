@@ -19,7 +19,7 @@ from explore_bench.runs.conformance.tours import Tour, observations
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.containment import OutOfTime, time_limit
 from explore_bench.trial.explorer import ChoiceError, checked
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.world.kinds import draw_world
 
 ELSEWHERE = 1000

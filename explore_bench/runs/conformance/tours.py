@@ -12,7 +12,7 @@ import numpy as np
 
 from explore_bench.geometry import Pose
 from explore_bench.strategies.contract import Observation, Target
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.seeding import Role, stream
 from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.landmark.world import LandmarkWorld

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from explore_bench.records.encoding import encode
 from explore_bench.records.provenance import trial_key
-from explore_bench.records.shard import encode
 from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import Outcome, Status, TrialSpec
 from explore_bench.world.kinds import draw_world

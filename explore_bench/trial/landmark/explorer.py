@@ -13,9 +13,9 @@ from explore_bench.geometry import Array, Grid, cell_of, distance_to_segment
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.landmark.driver import Driver
 from explore_bench.robot.landmark.smoother import Smoother
-from explore_bench.robot.lap import Lap
 from explore_bench.robot.planning.candidates import Ground, Withheld, find_candidates
 from explore_bench.robot.planning.roads import Roads
+from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.explorer import Patience, StuckError, checked
 from explore_bench.trial.landmark.step import LandmarkStep

@@ -19,8 +19,8 @@ from slam_reference import (
 )
 
 from explore_bench.robot.landmark.block_arrow import invert_corner, recover, to_world
+from explore_bench.robot.landmark.growing import Rows
 from explore_bench.robot.landmark.marginals import Marginals
-from explore_bench.robot.landmark.rows import Rows
 from explore_bench.world.scenario import Scenario
 
 GRAPHS = st.builds(

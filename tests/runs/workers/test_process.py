@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from handmade import tiny_plan, write_plugin
 
-from explore_bench.records.shard import encode
+from explore_bench.records.encoding import encode
 from explore_bench.runs.workers import process
 from explore_bench.runs.workers.parcel import OtherCodeError, pack
 from explore_bench.runs.workers.process import run_apart

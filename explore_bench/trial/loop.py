@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explore_bench.robot.belief import Belief
-from explore_bench.robot.lap import Lap, no_lap
+from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.explorer import StuckError, explorer_of
 from explore_bench.trial.spec import Status

@@ -9,10 +9,10 @@ from hypothesis import given, settings, strategies as st
 from scipy import ndimage
 
 from baselines.learned import candidates as plus
-from baselines.learned.candidates import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_set
+from baselines.learned.candidate_features import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_set
 from explore_bench.geometry import Grid
 from explore_bench.strategies.contract import Observation
-from explore_bench.trial.rollout import rollout
+from explore_bench.trial.loop import rollout
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenarios import PAPER

@@ -1,0 +1,84 @@
+"""The compared strategies with label, colour, tables and weights. An ablation is a line, not a class.
+
+`paper.csv` holds what Tables 2 and 3 of Zhang et al. 2021 print. Graph-STNN's e differs between the two, so a value
+is keyed by its table. `weights/` holds what `explore-bench train` made: NAME-SEED.safetensors, each with a card.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+from explore_bench import Entry, Published
+
+WEIGHTS = Path(__file__).with_name("weights")
+
+
+def _published() -> dict[str, Published]:
+    values: dict[str, Published] = defaultdict(dict)
+    with Path(__file__).with_name("paper.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            values[row["strategy"]][row["table"], float(row["size"]), row["metric"]] = float(row["value"])
+    return values
+
+
+def _weights() -> dict[str, dict[int, str]]:
+    found: dict[str, dict[int, str]] = defaultdict(dict)
+    for file in sorted(WEIGHTS.glob("*.safetensors")):
+        if parts := re.fullmatch(r"(.+)-(\d+)", file.stem):
+            found[parts[1]][int(parts[2])] = f"{WEIGHTS.parent.name}:{WEIGHTS.name}/{file.name}"
+    return found
+
+
+_PAPER, _SHIPPED = _published(), _weights()
+_TABLE2, _TABLE3, _LAYERS = ("table2",), ("table3",), ("layers",)
+_STNN, _GCN, _TRAINER = (
+    "baselines.learned.graph_stnn:strategy",
+    "baselines.learned.gcn:strategy",
+    "baselines.training.train:train",
+)
+
+STRATEGIES: dict[str, Entry] = {}
+
+
+def _add(name: str, factory: str, label: str, color: str, tables: tuple[str, ...], **options: Any) -> None:
+    STRATEGIES[name] = Entry(factory, label, color, tables=tables, published=_PAPER[name], **options)
+
+
+def _learned(name: str, factory: str, label: str, color: str, tables: tuple[str, ...], **options: Any) -> None:
+    _add(name, factory, label, color, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
+
+
+_learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_TABLE2, *_TABLE3, *_LAYERS))
+_learned("graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", "#ff7f0e", _TABLE2)
+_learned("graph-stnn-path", _STNN, "Graph-STNN, path length", "#f7b6d2", _TABLE2, parameters={"distance": "path"})
+_learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", "#ff9896", _LAYERS, parameters={"layers": 1})
+_learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", "#98df8a", _LAYERS, parameters={"layers": 3})
+_learned(
+    "gcn-no-obs",
+    _GCN,
+    "GCN-no_obs",
+    "#6baed6",
+    _TABLE2,
+    parameters={"obstacles": False},
+    training={"obstacle_count": 0},
+)
+_learned("gcn-obs", _GCN, "GCN-obs", "#1f77b4", _TABLE2)
+_learned("gcn-obs-blind", _GCN, "GCN-obs, blind", "#393b79", _TABLE2, parameters={"obstacles": False})
+for _name, _color, _off in (
+    ("no-state", "#9467bd", ("state",)),
+    ("no-temporal", "#e377c2", ("temporal",)),
+    ("no-spatial", "#8c564b", ("spatial",)),
+    ("no-temporal-state", "#bcbd22", ("temporal", "state")),
+    ("no-spatial-state", "#17becf", ("spatial", "state")),
+    ("no-spatial-temporal", "#aec7e8", ("spatial", "temporal")),
+):
+    _learned(_name, _STNN, f"no {' and '.join(_off)}", _color, _TABLE3, parameters=dict.fromkeys(_off, False))
+_add("entropy", "baselines.entropy:Entropy", "Entropy", "#e69f00", _TABLE2)
+_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", "#009e73", _TABLE2)
+_add("random", "baselines.random_walk:Random", "Random", "#7f7f7f", _TABLE2)
+_add("nearest", "baselines.nearest:Nearest", "Nearest", "#b07aa1", _TABLE2)
+_add("clairvoyant", "baselines.clairvoyant:Clairvoyant", "Clairvoyant", "#000000", _TABLE2, reference=True)
