@@ -8,6 +8,7 @@ A beam is no exhaustive search, so its time is an upper bound of the best one an
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,10 @@ from explore_bench import (
     Grid,
     LandmarkScenario,
     Observation,
+    Pose,
     Scenario,
     World,
+    cell_of,
     cells_of,
     centre_of,
     frontier_cells,
@@ -60,25 +63,22 @@ class Clairvoyant:
         counted = scenario.cell_count - len(self._uncounted)
         seen = np.zeros(len(self._landmarks), dtype=bool)
         seen[belief.landmark_ids] = True
-        starts = np.cumsum([0] + [len(path) for path in observation.paths])
-        return _plan(
-            known,
-            seen,
-            observation.pose[2],
-            np.concatenate(observation.paths),
-            starts,
-            self._obstacles,
-            self._landmarks,
-            self._landmark_cells,
-            self._view,
-            scenario.grid,
-            scenario.sensor_range,
-            (scenario.step_length, math.radians(scenario.turn_threshold_deg)),
-            (scenario.candidates_per_robot, scenario.candidates_per_landmark),
-            len(self._uncounted) + math.ceil(scenario.coverage * counted - 1e-9),
-            self.beam,
-            self.metres_per_cell / scenario.step_length,
+        task = _Task(
+            first_paths=np.concatenate(observation.paths),
+            first_starts=np.cumsum([0] + [len(path) for path in observation.paths]),
+            obstacles=self._obstacles,
+            landmarks=self._landmarks,
+            landmark_cells=self._landmark_cells,
+            in_view=self._view,
+            grid=scenario.grid,
+            reach=scenario.sensor_range,
+            motion=(scenario.step_length, math.radians(scenario.turn_threshold_deg)),
+            counts=(scenario.candidates_per_robot, scenario.candidates_per_landmark),
+            target=len(self._uncounted) + math.ceil(scenario.coverage * counted - 1e-9),
+            steps_per_cell=self.metres_per_cell / scenario.step_length,
         )
+        x, y = scenario.grid.centre_of(int(observation.paths[0][0]))
+        return _plan(task, known, seen, (x, y, observation.pose[2]), self.beam)
 
 
 def views(scenario: Scenario) -> NDArray[np.int64]:
@@ -91,177 +91,230 @@ def views(scenario: Scenario) -> NDArray[np.int64]:
     return result
 
 
+class _Task(NamedTuple):
+    """What a search is given: the paths of the first decision one after another, the true map, and the constants."""
+
+    first_paths: NDArray[np.int64]
+    first_starts: NDArray[np.int64]
+    obstacles: NDArray[np.bool_]
+    landmarks: Array
+    landmark_cells: NDArray[np.int64]
+    in_view: NDArray[np.int64]
+    grid: Grid
+    reach: float
+    motion: tuple[float, float]
+    counts: tuple[int, int]
+    target: int
+    steps_per_cell: float
+
+
+class _Plans(NamedTuple):
+    """Plans of one depth, a row each: what they know, where they are, how long they took, with what they began."""
+
+    known: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    pose: Array
+    time: Array
+    total: NDArray[np.int64]
+    first: NDArray[np.int64]
+    parent: NDArray[np.int64]
+
+
+class _Children(NamedTuple):
+    """Their continuations by one decision: of which plan and whereto, when, how promising, and a hash of the state."""
+
+    plan: NDArray[np.int64]
+    goal: NDArray[np.int64]
+    time: Array
+    score: Array
+    code: NDArray[np.uint64]
+    first: NDArray[np.int64]
+
+
 @jit
-def _plan(
-    known: NDArray[np.bool_],
-    seen: NDArray[np.bool_],
-    heading: float,
-    first_paths: NDArray[np.int64],
-    first_starts: NDArray[np.int64],
-    obstacles: NDArray[np.bool_],
-    landmarks: Array,
-    landmark_cells: NDArray[np.int64],
-    view: NDArray[np.int64],
-    grid: Grid,
-    reach: float,
-    motion: tuple[float, float],
-    counts: tuple[int, int],
-    target: int,
-    beam: int,
-    steps_per_cell: float,
-) -> int:
+def _plan(task: _Task, known: NDArray[np.bool_], seen: NDArray[np.bool_], pose: Pose, beam: int) -> int:
     """Beam search to the end of the exploration; returns the first choice of the fastest plan."""
-    cells = grid.rows * grid.columns
-    shape = grid.rows, grid.columns
-    choices = min(counts[0] + counts[1] * landmarks.shape[0], cells)
-    room = beam * max(choices, 1) + first_starts.shape[0]
-    # plans of this depth: what they know, where they are, how long they took, and with what they began
-    knowns, seens = np.zeros((beam, cells), dtype=np.bool_), np.zeros((beam, seen.shape[0]), dtype=np.bool_)
-    places, headings = np.zeros(beam, dtype=np.int64), np.zeros(beam)
-    times, totals, firsts = np.zeros(beam), np.zeros(beam, dtype=np.int64), np.zeros(beam, dtype=np.int64)
-    parents = np.full((beam, cells), -1, dtype=np.int64)
-    # their continuations
-    child_from, child_goal = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64)
-    child_time, child_score = np.zeros(room), np.zeros(room)
-    child_hash, child_first = np.zeros(room, dtype=np.uint64), np.zeros(room, dtype=np.int64)
-    mark = np.zeros(cells, dtype=np.int64)
-    stamp = 0
-    knowns[0], seens[0], headings[0], totals[0] = known, seen, heading, known.sum()
+    plans, others = _no_plans(beam, known.shape[0], seen.shape[0]), _no_plans(beam, known.shape[0], seen.shape[0])
+    plans.known[0], plans.seen[0], plans.total[0] = known, seen, known.sum()
+    plans.pose[0, 0], plans.pose[0, 1], plans.pose[0, 2] = pose
+    choices = min(task.counts[0] + task.counts[1] * task.landmarks.shape[0], known.shape[0])
+    children = _no_children(beam * max(choices, 1) + task.first_starts.shape[0])
     alive, depth, best_time, best_first = 1, 0, np.inf, 0
     while alive > 0:
         if depth > 0 and best_time == np.inf:
-            best_first = firsts[0]  # should no plan reach the target, the most promising one is followed
-        children = 0
-        for b in range(alive):
-            if depth == 0:
-                goals = np.arange(first_starts.shape[0] - 1)
-            else:
-                free = _known_free(knowns[b], seens[b], obstacles, landmark_cells).reshape(shape)
-                _, parents[b] = search_grid(free, places[b], -1)
-                frontier = frontier_cells(knowns[b].reshape(shape), free, free, places[b])
-                goals = _select(frontier, places[b], landmarks[seens[b]], grid, counts)
-            for goal in goals:
-                path = _path_to(goal, depth, first_paths, first_starts, parents[b])
-                stamp += 1
-                time, total = _look_ahead(
-                    path, knowns[b], headings[b], totals[b], target, view, mark, stamp, grid, motion
-                )
-                time += times[b]
-                first = goal if depth == 0 else firsts[b]
-                if total >= target:
-                    if time < best_time:
-                        best_time, best_first = time, first
-                    continue
-                if total == totals[b] or time >= best_time:
-                    continue
-                code = _mix(np.uint64(path[-1]))
-                for cell in range(cells):
-                    if knowns[b, cell] or mark[cell] == stamp:
-                        code ^= _mix(np.uint64(cell + cells))
-                child_from[children], child_goal[children] = b, goal
-                child_time[children], child_first[children] = time, first
-                child_score[children] = time + steps_per_cell * (target - total)
-                child_hash[children] = code
-                children += 1
-        order = np.argsort(child_score[:children], kind="mergesort")
-        next_knowns, next_seens = knowns.copy(), seens.copy()
-        next_places, next_headings = places.copy(), headings.copy()
-        next_times, next_totals, next_firsts = times.copy(), totals.copy(), firsts.copy()
-        hashes = np.zeros(beam, dtype=np.uint64)
-        alive = 0
-        for c in order:
-            if alive == beam or child_time[c] >= best_time:
-                break
-            if np.any(hashes[:alive] == child_hash[c]):
-                continue
-            b, goal = child_from[c], child_goal[c]
-            path = _path_to(goal, depth, first_paths, first_starts, parents[b])
-            next_knowns[alive], next_seens[alive] = knowns[b], seens[b]
-            direction = _reveal(
-                path, headings[b], next_knowns[alive], next_seens[alive], view, landmarks, grid, reach, motion
-            )
-            next_places[alive], next_headings[alive] = path[-1], direction
-            next_times[alive], next_firsts[alive] = child_time[c], child_first[c]
-            next_totals[alive] = next_knowns[alive].sum()
-            hashes[alive] = child_hash[c]
-            alive += 1
-        knowns, seens, places, headings = next_knowns, next_seens, next_places, next_headings
-        times, totals, firsts = next_times, next_totals, next_firsts
+            best_first = plans.first[0]  # should no plan reach the target, the most promising one is followed
+        count, best_time, best_first = _continue(task, plans, alive, depth, children, best_time, best_first)
+        alive = _keep(task, plans, children, count, depth, best_time, others)
+        plans, others = others, plans
         depth += 1
     return best_first
 
 
 @jit
-def _path_to(
-    goal: int,
-    depth: int,
-    first_paths: NDArray[np.int64],
-    first_starts: NDArray[np.int64],
-    parent: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def _no_plans(beam: int, cells: int, landmarks: int) -> _Plans:
+    return _Plans(
+        np.zeros((beam, cells), dtype=np.bool_),
+        np.zeros((beam, landmarks), dtype=np.bool_),
+        np.zeros((beam, 3)),
+        np.zeros(beam),
+        np.zeros(beam, dtype=np.int64),
+        np.zeros(beam, dtype=np.int64),
+        np.full((beam, cells), -1, dtype=np.int64),
+    )
+
+
+@jit
+def _no_children(room: int) -> _Children:
+    return _Children(
+        np.zeros(room, dtype=np.int64),
+        np.zeros(room, dtype=np.int64),
+        np.zeros(room),
+        np.zeros(room),
+        np.zeros(room, dtype=np.uint64),
+        np.zeros(room, dtype=np.int64),
+    )
+
+
+@jit
+def _continue(
+    task: _Task, plans: _Plans, alive: int, depth: int, children: _Children, best_time: float, best_first: int
+) -> tuple[int, float, int]:
+    """Fill in the children of all plans; returns their number, and time and first choice of the fastest to arrive."""
+    count, stamp = 0, 0
+    mark = np.zeros(plans.known.shape[1], dtype=np.int64)
+    for b in range(alive):
+        for goal in _goals(task, plans, b, depth):
+            path = _path_to(task, plans, b, goal, depth)
+            stamp += 1
+            time, total = _look_ahead(task, path, plans, b, mark, stamp)
+            time += plans.time[b]
+            first = goal if depth == 0 else plans.first[b]
+            if total >= task.target:
+                if time < best_time:
+                    best_time, best_first = time, first
+                continue
+            if total == plans.total[b] or time >= best_time:
+                continue
+            children.plan[count], children.goal[count] = b, goal
+            children.time[count], children.first[count] = time, first
+            children.score[count] = time + task.steps_per_cell * (task.target - total)
+            children.code[count] = _code(path[-1], plans.known[b], mark, stamp)
+            count += 1
+    return count, best_time, best_first
+
+
+@jit
+def _keep(
+    task: _Task, plans: _Plans, children: _Children, count: int, depth: int, best_time: float, into: _Plans
+) -> int:
+    """Make the most promising children the plans of the next depth, each state once; returns how many there are."""
+    beam = into.time.shape[0]
+    codes = np.zeros(beam, dtype=np.uint64)
+    alive = 0
+    for c in np.argsort(children.score[:count], kind="mergesort"):
+        if alive == beam or children.time[c] >= best_time:
+            break
+        if np.any(codes[:alive] == children.code[c]):
+            continue
+        b = children.plan[c]
+        path = _path_to(task, plans, b, children.goal[c], depth)
+        into.known[alive], into.seen[alive] = plans.known[b], plans.seen[b]
+        into.pose[alive, 0], into.pose[alive, 1], into.pose[alive, 2] = _reveal(
+            task, path, plans, b, into.known[alive], into.seen[alive]
+        )
+        into.time[alive], into.first[alive] = children.time[c], children.first[c]
+        into.total[alive] = into.known[alive].sum()
+        codes[alive] = children.code[c]
+        alive += 1
+    return alive
+
+
+@jit
+def _goals(task: _Task, plans: _Plans, b: int, depth: int) -> NDArray[np.int64]:
+    """Where a plan may go next: the observation's candidates by number, later the cells of its own frontiers."""
+    if depth == 0:
+        return np.arange(task.first_starts.shape[0] - 1)
+    shape = task.grid.rows, task.grid.columns
+    place = cell_of(task.grid, plans.pose[b, 0], plans.pose[b, 1])
+    free = _known_free(plans.known[b], plans.seen[b], task.obstacles, task.landmark_cells).reshape(shape)
+    _, plans.parent[b] = search_grid(free, place, -1)
+    frontier = frontier_cells(plans.known[b].reshape(shape), free, free, place)
+    return _select(frontier, place, task.landmarks[plans.seen[b]], task.grid, task.counts)
+
+
+@jit
+def _path_to(task: _Task, plans: _Plans, b: int, goal: int, depth: int) -> NDArray[np.int64]:
     """Cells of a plan's next path: one of the observation's at depth 0, else traced back in a search."""
     if depth == 0:
-        return first_paths[first_starts[goal] : first_starts[goal + 1]].copy()
-    return trace_path(parent, goal)
+        return task.first_paths[task.first_starts[goal] : task.first_starts[goal + 1]].copy()
+    return trace_path(plans.parent[b], goal)
 
 
 @jit
 def _look_ahead(
-    path: NDArray[np.int64],
-    known: NDArray[np.bool_],
-    heading: float,
-    total: int,
-    target: int,
-    view: NDArray[np.int64],
-    mark: NDArray[np.int64],
-    stamp: int,
-    grid: Grid,
-    motion: tuple[float, float],
+    task: _Task, path: NDArray[np.int64], plans: _Plans, b: int, mark: NDArray[np.int64], stamp: int
 ) -> tuple[float, int]:
-    """Steps along a path until its end or until `target` cells are known, and the number known then.
+    """Steps along a path until its end or until the target is known, and the number of cells known then.
 
     Cells that become known are marked with the stamp.
     """
-    steps = 0.0
+    steps, total = 0.0, plans.total[b]
+    pose = (plans.pose[b, 0], plans.pose[b, 1], plans.pose[b, 2])
     for k in range(path.shape[0]):
         if k > 0:
-            elapsed, heading = _drive(path[k - 1], path[k], heading, grid, motion)
-            steps += elapsed
-        for cell in view[path[k]]:
+            taken, pose = _drive(task.motion, pose, centre_of(task.grid, path[k]))
+            steps += taken
+        for cell in task.in_view[path[k]]:
             if cell < 0:
                 break
-            if not known[cell] and mark[cell] != stamp:
+            if not plans.known[b, cell] and mark[cell] != stamp:
                 mark[cell] = stamp
                 total += 1
-        if total >= target:
+        if total >= task.target:
             break
     return steps, total
 
 
 @jit
 def _reveal(
-    path: NDArray[np.int64],
-    heading: float,
-    known: NDArray[np.bool_],
-    seen: NDArray[np.bool_],
-    view: NDArray[np.int64],
-    landmarks: Array,
-    grid: Grid,
-    reach: float,
-    motion: tuple[float, float],
-) -> float:
-    """Add to `known` and `seen` what a path reveals; returns the heading at its end."""
+    task: _Task, path: NDArray[np.int64], plans: _Plans, b: int, known: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> Pose:
+    """Add to `known` and `seen` what a path reveals; returns the pose at its end."""
+    pose = (plans.pose[b, 0], plans.pose[b, 1], plans.pose[b, 2])
     for k in range(path.shape[0]):
+        x, y = centre_of(task.grid, path[k])
         if k > 0:
-            _, heading = _drive(path[k - 1], path[k], heading, grid, motion)
-        for cell in view[path[k]]:
+            _, pose = _drive(task.motion, pose, (x, y))
+        for cell in task.in_view[path[k]]:
             if cell >= 0:
                 known[cell] = True
-        x, y = centre_of(grid, path[k])
-        for m in range(landmarks.shape[0]):
-            if math.hypot(landmarks[m, 0] - x, landmarks[m, 1] - y) <= reach:
+        for m in range(task.landmarks.shape[0]):
+            if math.hypot(task.landmarks[m, 0] - x, task.landmarks[m, 1] - y) <= task.reach:
                 seen[m] = True
-    return heading
+    return pose
+
+
+@jit
+def _drive(motion: tuple[float, float], pose: Pose, waypoint: tuple[float, float]) -> tuple[float, Pose]:
+    """Steps from one cell's centre to the next, a turn in place included, and the pose afterwards."""
+    step_length, turn_threshold = motion
+    x, y = waypoint
+    dx, dy = x - pose[0], y - pose[1]
+    direction = math.atan2(dy, dx)
+    steps = math.ceil(math.hypot(dx, dy) / step_length - 1e-9)
+    if abs(wrap_angle(direction - pose[2])) > turn_threshold:
+        return steps + 1.0, (x, y, direction)
+    return float(steps), (x, y, pose[2])
+
+
+@jit
+def _code(place: int, known: NDArray[np.bool_], mark: NDArray[np.int64], stamp: int) -> np.uint64:
+    """Hash of where a plan is and of the cells that it knows."""
+    code = _mix(np.uint64(place))
+    for cell in range(known.shape[0]):
+        if known[cell] or mark[cell] == stamp:
+            code ^= _mix(np.uint64(cell + known.shape[0]))
+    return code
 
 
 @jit
@@ -276,19 +329,6 @@ def _known_free(
         if seen[m]:
             free[landmark_cells[m]] = False
     return free
-
-
-@jit
-def _drive(start: int, end: int, heading: float, grid: Grid, motion: tuple[float, float]) -> tuple[float, float]:
-    """Steps from one cell's centre to the next, a turn in place included, and the heading afterwards."""
-    step_length, turn_threshold = motion
-    columns, size = grid.columns, grid.resolution
-    dx, dy = (end % columns - start % columns) * size, (end // columns - start // columns) * size
-    direction = math.atan2(dy, dx)
-    steps = math.ceil(math.hypot(dx, dy) / step_length - 1e-9)
-    if abs(wrap_angle(direction - heading)) > turn_threshold:
-        return steps + 1.0, direction
-    return float(steps), heading
 
 
 @jit

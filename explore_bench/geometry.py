@@ -6,6 +6,7 @@ A pose is (x, y, heading) in metres and radians.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -80,8 +81,7 @@ class Grid(NamedTuple):
 
     def cell_of(self, x: float, y: float) -> int:
         """Cell that holds a point [m]; see `cell_of`, whose source the interpreter runs sooner than it calls it."""
-        cell: int = cell_of.py_func(self, x, y)  # type: ignore[attr-defined]
-        return cell
+        return _interpreted_cell_of(self, x, y)
 
     def centre_of(self, cell: int) -> tuple[float, float]:
         """Centre (x, y) [m] of a cell."""
@@ -95,7 +95,9 @@ class Grid(NamedTuple):
 
     def in_reach(self, points: Array, reach: float) -> NDArray[np.bool_]:
         """Whether each cell's centre lies within `reach` [m] of points, shape (K, 2); gives (K, rows · columns)."""
-        return in_reach(self, np.ascontiguousarray(points, dtype=np.float64), reach)
+        if not 0.0 <= reach < math.inf:
+            raise ValueError(f"reach is {reach}; give a length in metres")
+        return in_reach(self, np.ascontiguousarray(points, dtype=np.float64), min(float(reach), 1e9))
 
 
 @jit
@@ -109,6 +111,9 @@ def cell_of(grid: Grid, x: float, y: float) -> int:
     """Cell that holds the point (x, y) [m]; points outside go to the nearest cell."""
     column, row = math.floor((x - grid.x0) / grid.resolution), math.floor((y - grid.y0) / grid.resolution)
     return min(max(int(row), 0), grid.rows - 1) * grid.columns + min(max(int(column), 0), grid.columns - 1)
+
+
+_interpreted_cell_of: Callable[[Grid, float, float], int] = getattr(cell_of, "py_func", cell_of)
 
 
 @jit
@@ -140,8 +145,9 @@ def _span(offset: float, reach: float, count: int, resolution: float) -> tuple[i
 @jit
 def room_within(grid: Grid, reach: float) -> tuple[NDArray[np.int64], Array]:
     """Room for what `cells_within` finds: cells, shape (K,), and the ways to their centres [m], shape (K, 2)."""
-    side = int(2.0 * reach / grid.resolution) + 2
-    return np.empty(side * side, dtype=np.int64), np.empty((side * side, 2))
+    side = 2.0 * reach / grid.resolution + 2.0
+    count = int(min(side, float(grid.rows))) * int(min(side, float(grid.columns)))
+    return np.empty(count, dtype=np.int64), np.empty((count, 2))
 
 
 @jit

@@ -1,7 +1,8 @@
 """The benchmark as Gymnasium environments; importing this module registers their ids (docs/gymnasium.md).
 
-One action is one decision: the candidate to which the robot drives. The simulation is `rollout`, the reward Eq. 24, the
-observation `explore_bench.trial.features`, and the worlds are those of the streams `train`: no world of the evaluation.
+One action is one decision: the candidate, or the Target, to which the robot drives. The simulation is `rollout`, the
+reward Eq. 24, the observation `explore_bench.trial.features`, and the worlds are those of the streams `train`: no world
+of the evaluation.
 """
 
 from __future__ import annotations

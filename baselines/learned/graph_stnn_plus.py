@@ -1,9 +1,9 @@
 """`graph-stnn-plus`, our own extension: what the exploration graph does not tell, and a policy over the candidates.
 
 A candidate is described by the path to it, by what it would reveal and by the belief propagated along that path
-(`candidates.CANDIDATE_COLUMNS`); attention compares all
-candidates with each other and with what is still unknown elsewhere. It learns by policy
-gradient on the two metrics themselves; see `baselines.training.policy_gradient` and docs/learning.md.
+(`candidate_features.CANDIDATE_COLUMNS`); attention compares all candidates with each other and with what is still
+unknown elsewhere. It learns by policy gradient on the two metrics themselves; see `baselines.training.policy_gradient`
+and docs/learning.md.
 """
 
 from __future__ import annotations

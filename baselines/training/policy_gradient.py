@@ -153,8 +153,7 @@ class PolicyGradientLearner(OneNetwork):
 
 def _mark(observation: Observation) -> tuple[int, float]:
     """Steps and log of the largest sqrt(tr Σ) at a decision."""
-    traces = np.trace(observation.belief.pose_covariances, axis1=1, axis2=2)
-    return observation.step, 0.5 * math.log(float(traces.max()))
+    return observation.step, 0.5 * math.log(observation.belief.peak_trace)
 
 
 def objective_changes(episode: Episode, marks: Sequence[tuple[int, float]], course: Course) -> np.ndarray:

@@ -62,7 +62,7 @@ class Replay:
     steps : row of each, shape (D + 1,).
     candidates, choices : cells to choose from and the index chosen; None at the end.
     targets : place [m] that was answered instead of an index; None elsewhere.
-    maps, ellipses : packed; see `steps.unpack_map` and `steps.unpack_ellipses`.
+    maps, ellipses : packed; see `snapshot.unpack_map` and `snapshot.unpack_ellipses`.
     landmarks : x, y, xx, xy, yy of each landmark seen, shape (M, 5).
     """
 

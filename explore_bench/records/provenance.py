@@ -261,7 +261,7 @@ def _imports(path: Path, module: str) -> set[str]:
 
 
 def _taken_from_root(tree: ast.AST) -> set[str]:
-    """Names that a file takes from the imported package `explore_bench` itself, `bench.predict` say; all if unclear."""
+    """Names that a file takes from the imported package `explore_bench` itself, `bench.score` say; all if unclear."""
     bound = {
         alias.asname or PACKAGE
         for node in ast.walk(tree)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explore_bench.strategies.contract import Observation, Target
+from explore_bench.trial.explorer import checked
 from explore_bench.trial.loop import Ending, rollout
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
 from explore_bench.trial.seeding import Purpose, Role, stream
@@ -51,7 +52,9 @@ class DecisionProcess:
         ------
         ChoiceError : where there is no such candidate, or no way to the target.
         """
-        before = self.rows[-1]
+        before, observation = self.rows[-1], self.observation
+        if observation is not None:  # before the loop meets it, which such an answer would end
+            choice = checked(choice, len(observation.candidates), observation.roads)
         self._advance(choice)
         return reward(before, self.rows[-1], self.scenario, self._weights)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import reprlib
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -101,33 +103,47 @@ def checked(choice: object, count: int, roads: Roads) -> int | Target:
     ChoiceError : for anything else.
     """
     if isinstance(choice, Target):
-        return _checked_target(choice, roads)
+        return _on_roads(place_of(choice), roads)
     if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
-        shown = " ".join(repr(choice).split())
         raise ChoiceError(
-            f"the answer {shown} is of type {type(choice).__name__}; "
+            f"the answer {_shown(choice)} is of type {type(choice).__name__}; "
             f"answer an integer index, 0 to {count - 1}, or a Target"
         )
     if not 0 <= choice < count:
-        raise ChoiceError(f"the answer {int(choice)} is not the index of a candidate; answer 0 to {count - 1}")
+        raise ChoiceError(f"the answer {_shown(choice)} is not the index of a candidate; answer 0 to {count - 1}")
     return int(choice)
 
 
-def _checked_target(target: Target, roads: Roads) -> Target:
-    shown = f"the target {' '.join(repr(target.position).split())}"
+def place_of(target: Target) -> tuple[float, float]:
+    """Return the place (x, y) of a target in plain numbers [m].
+
+    Raises
+    ------
+    ChoiceError : where it is no place, or not a finite one.
+    """
     try:
-        x, y = (float(value) for value in target.position)
-    except (TypeError, ValueError, OverflowError):
-        raise ChoiceError(f"{shown} is no place; give its x and y in metres") from None
-    grid = roads.grid
+        x, y = (_number(value) for value in itertools.islice(iter(target.position), 3))
+    except Exception:
+        raise ChoiceError(f"the target {_shown_place(target)} is no place; give its x and y in metres") from None
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise ChoiceError(f"{shown} is not finite; give its x and y in metres")
-    if not grid.holds(x, y):
+        raise ChoiceError(f"the target {_shown_place(target)} is not finite; give its x and y in metres")
+    return x, y
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.integer | np.floating):
+        raise TypeError
+    return float(value)
+
+
+def _on_roads(place: tuple[float, float], roads: Roads) -> Target:
+    shown, grid = f"the target ({place[0]:g}, {place[1]:g})", roads.grid
+    if not grid.holds(*place):
         raise ChoiceError(
             f"{shown} lies outside the map of {grid.columns * grid.resolution:g} × {grid.rows * grid.resolution:g} m; "
             "choose one of observation.reachable"
         )
-    cell = grid.cell_of(x, y)
+    cell = grid.cell_of(*place)
     if cell == roads.start:
         raise ChoiceError(f"{shown} lies in the robot's own cell {cell}; choose another one of observation.reachable")
     if not roads.free.reshape(-1)[cell]:
@@ -137,4 +153,19 @@ def _checked_target(target: Target, roads: Roads) -> Target:
         )
     if not len(roads.path_to(cell)):
         raise ChoiceError(f"{shown} lies in cell {cell}, to which no way leads; choose one of observation.reachable")
-    return Target((x, y))
+    return Target(place)
+
+
+def _shown_place(target: Target) -> str:
+    try:
+        return _shown(target.position)
+    except Exception:
+        return "without a position"
+
+
+def _shown(value: object) -> str:
+    """Return a value in a few words on one line, whatever a strategy made of it."""
+    try:
+        return " ".join(reprlib.repr(value).split())[:100]
+    except Exception:
+        return "that cannot be shown"

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.geometry import Array, wrap_angle
+from explore_bench.geometry import Array, Grid, wrap_angle
 from explore_bench.robot.belief import Belief
 from explore_bench.strategies.contract import Observation
 from explore_bench.world.scenario import Scenario
@@ -118,9 +118,9 @@ def _candidates(observation: Observation) -> Array:
 
 def _full_view(scenario: Scenario) -> int:
     """Cells within sensor range of a cell's centre, the map's edge aside."""
-    reach = scenario.sensor_range / scenario.cell_size
-    steps = np.arange(-math.floor(reach), math.floor(reach) + 1)
-    return int((steps[:, None] ** 2 + steps**2 <= reach**2).sum())
+    reach, size = scenario.sensor_range, scenario.grid.resolution
+    around = Grid(2 * math.ceil(reach / size) + 1, 2 * math.ceil(reach / size) + 1, size)
+    return int(around.in_reach(np.array([around.centre_of(around.cells // 2)]), reach).sum())
 
 
 def _turns(observation: Observation) -> Array:

@@ -17,7 +17,7 @@ from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.strategies.loading import StrategyError, check_methods, make_strategy
 from explore_bench.trial.containment import OutOfTime, one_process, time_limit
-from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.explorer import ChoiceError, place_of
 from explore_bench.trial.loop import Ending, rollout
 from explore_bench.trial.snapshot import Snapshot, take_snapshot
 from explore_bench.trial.spec import Status, TrialSpec
@@ -149,6 +149,8 @@ def _play(
         try:
             with one_process():
                 choice = strategy.choose(event)
+                if isinstance(choice, Target):
+                    choice = Target(place_of(choice))
         finally:
             seconds[-1] = time.perf_counter() - begin
         snapshots[len(steps) - 1] = _with_answer(snapshot, choice, count)
@@ -157,10 +159,7 @@ def _play(
 def _with_answer(snapshot: Snapshot, choice: object, count: int) -> Snapshot:
     """Snapshot with what was answered; what can be neither chosen nor driven to is said in the trial's reason."""
     if isinstance(choice, Target):
-        try:
-            return snapshot._replace(target=[float(value) for value in choice.position])
-        except (TypeError, ValueError, OverflowError):
-            return snapshot
-    if isinstance(choice, int | np.integer) and 0 <= choice < count:
+        return snapshot._replace(target=list(choice.position))
+    if isinstance(choice, int | np.integer) and not isinstance(choice, bool) and 0 <= choice < count:
         return snapshot._replace(choice=int(choice))
     return snapshot

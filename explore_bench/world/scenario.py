@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -171,6 +172,10 @@ class Scenario(BaseModel):
     def replace(self, /, **changes: Any) -> Self:
         """Copy of the scenario with some constants changed, validated anew; the size follows the map."""
         return type(self)(**self._kept(changes), **changes)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Copy as `replace` makes it: pydantic's own would not validate, and keep the grid of another size."""
+        return self.replace(**(update or {}))
 
     def _kept(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Constants that were set and stay when others change."""

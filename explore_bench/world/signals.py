@@ -24,16 +24,12 @@ class Odometry:
     Attributes
     ----------
     motion : pose after the step in the frame of the pose before, as measured.
-    sigmas : standard deviations of its entries (along, across, heading) [m, m, rad]; they are uncorrelated.
+    sigmas : square roots of its covariance, which is diagonal: standard deviations (along, across, heading)
+        [m, m, rad].
     """
 
     motion: Pose
     sigmas: tuple[float, float, float]
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance of the reading, shape (3, 3)."""
-        return np.diag(np.square(self.sigmas))
 
 
 @dataclass(frozen=True, slots=True)

@@ -129,7 +129,7 @@ def test_a_merge_that_was_killed_goes_on(a_and_b, tmp_path, monkeypatch):
 
 def test_other_rows_under_one_key_are_refused(stored, a_and_b, part, tmp_path):
     result = stored.results[3]
-    rows = [step._replace(path_length=step.path_length + 1e-12) for step in result.steps]
+    rows = [dataclasses.replace(step, path_length=step.path_length + 1e-12) for step in result.steps]
     other = part("other", [dataclasses.replace(result, steps=rows)])
     sentence = refusal([a_and_b[0], other], tmp_path / "into")
     name = f"{trial_key(result.spec)}.parquet"

@@ -1,23 +1,9 @@
-"""What passes between the truth and the robot: the covariance of a reading, and the values of a patch."""
+"""What passes between the truth and the robot: the values of a patch."""
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
 
 from explore_bench.world.signals import Odometry, look_up
-
-
-def test_the_covariance_of_an_odometry_holds_the_squares_of_its_sigmas():
-    covariance = Odometry((0.5, 0.1, 0.2), (0.1, 0.2, 0.03)).covariance
-    assert covariance.shape == (3, 3)
-    np.testing.assert_allclose(covariance, np.diag([0.01, 0.04, 0.0009]), rtol=1e-12)
-
-
-@given(st.tuples(*[st.floats(1e-6, 10.0)] * 3))
-def test_the_covariance_is_the_spread_of_independent_entries(sigmas):
-    covariance = Odometry((0.0, 0.0, 0.0), sigmas).covariance
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), sigmas, rtol=1e-12)
-    assert np.count_nonzero(covariance) == 3
 
 
 def test_an_odometry_is_frozen():

@@ -64,7 +64,7 @@ def drive_to(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> tuple
     """Steps that a robot without noise takes to reach a waypoint [m], and its pose there."""
     steps = 0
     while True:
-        turn, forward = _command(*driver, pose, waypoint)
+        turn, forward = _command(driver.step_length, driver.turn_threshold, driver.arrival_radius, pose, waypoint)
         if turn == 0.0 and forward == 0.0:
             return steps, pose
         pose = compose(pose, (forward, 0.0, turn))
@@ -77,7 +77,7 @@ def _follow(driver: Driver, pose: Pose, waypoints: Array) -> Array:
     for w in range(waypoints.shape[0]):
         waypoint = (waypoints[w, 0], waypoints[w, 1])
         while True:
-            turn, forward = _command(*driver, pose, waypoint)
+            turn, forward = _command(driver.step_length, driver.turn_threshold, driver.arrival_radius, pose, waypoint)
             if turn == 0.0 and forward == 0.0:
                 break
             commands.append((turn, forward))

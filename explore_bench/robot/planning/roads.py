@@ -61,6 +61,13 @@ class Roads:
         return Reachable(cells, lengths)
 
     def path_to(self, cell: int) -> NDArray[np.int64]:
-        """Cells of the shortest drive from the robot's own to another, shape (P,); none where it cannot be reached."""
+        """Cells of the shortest drive from the robot's own to another, shape (P,); none where it cannot be reached.
+
+        Raises
+        ------
+        ValueError : for a cell that is not on the grid.
+        """
+        if not 0 <= cell < self.grid.cells:
+            raise ValueError(f"cell {cell} is not on the grid; its cells are 0 to {self.grid.cells - 1}")
         cost, parent = self._searched
         return trace_path(parent, cell) if np.isfinite(cost[cell]) else np.empty(0, dtype=np.int64)

@@ -15,7 +15,7 @@ Digests = dict[str, bytes]
 
 
 def digests(observation: Observation) -> Digests:
-    """Digest of every part of an observation, the belief's and the linearization's own parts one by one."""
+    """Digest of every part of an observation, those of the belief, its graph and the roads one by one."""
     return dict(_parts(observation, ""))
 
 

@@ -17,7 +17,7 @@ from explore_bench.robot.planning.candidates import Ground, Withheld, find_candi
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
-from explore_bench.trial.explorer import Patience, StuckError, checked
+from explore_bench.trial.explorer import ChoiceError, Patience, StuckError, checked
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.spec import Status
 from explore_bench.world.landmark.motion import Robot
@@ -137,6 +137,9 @@ class LandmarkExplorer:
         waypoints = grid.centres(path[1:])
         if isinstance(answer, Target):
             waypoints[-1] = answer.position
+            if len(waypoints) == 1 and self._driver.command(self.smoother.pose, answer.position) is None:
+                x, y = answer.position
+                raise ChoiceError(f"the target ({x:g}, {y:g}) lies where the robot is; choose one farther away")
         self.decisions += 1
         if (yield from self._follow(path, waypoints)):
             self._withheld.add(int(path[-1]), self.known)

@@ -39,7 +39,8 @@ def test_a_faulty_one_ends_with_1_and_says_what_happened(call, tmp_path):
     code, lines, _ = call(f"{FILE}:AnswersFloat", "--json", tmp_path / "found.json")
     assert code == 1
     (line,) = [line for line in lines if line.startswith("broken")]
-    assert "It answers an integer: no bool, no float, no None. 20 m, decision 0: it answered np.float64(1.0)" in line
+    rule = "It answers an integer, or a Target: no bool, no float, no None."
+    assert f"{rule} 20 m, decision 0: it answered np.float64(1.0)" in line
     assert f"1 of {len(RULES)} rules broken" in lines[-1]
     written = json.loads((tmp_path / "found.json").read_text())
     assert not written["ok"]

@@ -38,6 +38,6 @@ class NextBestView:
 def unknown_area(observation: Observation) -> np.ndarray:
     """Area of the unknown cells whose centres lie within sensor range of each candidate [m²], shape (C,)."""
     scenario = observation.scenario
-    cells = scenario.grid.centres(np.flatnonzero(~observation.belief.known))
-    apart = np.linalg.norm(observation.positions[:, None] - cells, axis=2)
-    return (apart <= scenario.sensor_range).sum(axis=1) * scenario.cell_size**2
+    unknown = ~observation.belief.known.reshape(-1)
+    view = scenario.grid.in_reach(observation.positions, scenario.sensor_range)
+    return (view & unknown).sum(axis=1) * scenario.grid.resolution**2
