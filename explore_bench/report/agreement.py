@@ -13,7 +13,6 @@ from explore_bench.analysis.statistics import Estimate, kendall_tau
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
-from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER
 
 
@@ -99,8 +98,8 @@ def constants_table() -> Table:
     """Constants of the simulation that the paper leaves out, with our values and where they come from."""
     rows = tuple(
         (name, str(getattr(PAPER, name)), field.description or "")
-        for name, field in Scenario.model_fields.items()
-        if "§" not in (field.description or "") and getattr(PAPER, name) is not None
+        for name, field in type(PAPER).model_fields.items()
+        if field.description and "§" not in field.description and getattr(PAPER, name) is not None
     )
     note = (
         "Those marked (calibrated) were fitted to the paper's untrained strategies, see docs/calibration.md; what it "

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, cells_within, room_within
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import HIDDEN, OCCUPIED, look_up
+from explore_bench.world.signals import HIDDEN, OCCUPIED
 
 OCCUPIED_ABOVE = 0.5 + 1e-9
 """A cell whose probability exceeds this is believed occupied (§4.1 starts all at 0.5)."""
@@ -30,6 +30,23 @@ def _logit(probability: float) -> float:
 
 
 _LOG_ODDS_ABOVE = _logit(OCCUPIED_ABOVE)
+
+
+@jit
+def point_in_patch(dx: float, dy: float, heading: float, origin: Array) -> tuple[float, float]:
+    """Where a point lies in a patch [m], given its offset from the estimated pose in the world.
+
+    `origin` holds the robot's x and y in the patch and the angle from the patch's x axis to the robot's.
+    """
+    c, s = math.cos(origin[2] - heading), math.sin(origin[2] - heading)
+    return origin[0] + c * dx - s * dy, origin[1] + s * dx + c * dy
+
+
+@jit
+def look_up(cells: NDArray[np.uint8], u: float, v: float, resolution: float) -> int:
+    """Value that a patch holds at a point of it [m]; the far edge, reached by rounding, counts as inside."""
+    side = cells.shape[0]
+    return cells[min(max(int(v / resolution), 0), side - 1), min(max(int(u / resolution), 0), side - 1)]
 
 
 @jit
@@ -49,7 +66,7 @@ def place_scans(
     ----------
     log_odds, known : map, shape (n_g,) each, updated in place.
     poses : estimates at which the scans were taken, shape (N, 3).
-    patches, origins : the scans' look-ups, shapes (N, P, P) and (N, 3); see `signals.point_in_patch`.
+    patches, origins : the scans' look-ups, shapes (N, P, P) and (N, 3); see `point_in_patch`.
     increments : of `log_odds_increments`.
     """
     hit, miss, bound = increments

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, cells_within, room_within
+from explore_bench.robot.occupancy import look_up, point_in_patch
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import HIDDEN, look_up, point_in_patch
+from explore_bench.world.signals import HIDDEN
 
 Constants = tuple[float, float, float, bool, bool]
 """(sensor range, bearing σ, range σ, least determinant?, first sight replaces?)"""

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.errors import unknown
-from explore_bench.geometry import Array, Grid, Pose
+
+if TYPE_CHECKING:  # compiled code takes a second to import, and a list of scenarios needs none
+    from explore_bench.geometry import Array, Grid, Pose
 
 DEFAULT_KIND = "landmark"
 

@@ -8,14 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from explore_bench.errors import RequestError, unknown
-from explore_bench.geometry import Grid
 from explore_bench.world.floor_plan import edge_of, floor_plan
 from explore_bench.world.kinds import DEFAULT_KIND, kind_of
+
+if TYPE_CHECKING:
+    from explore_bench.geometry import Grid
 
 Positive = Annotated[float, Field(ge=1e-9, le=1e6, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
@@ -108,11 +110,10 @@ class Scenario(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        edge = round(self.size / self.cell_size)
-        if self.map is not None and edge != edge_of(self.map):
+        if self.map is not None and self.edge != edge_of(self.map):
             own = edge_of(self.map) * self.cell_size
             raise ValueError(f"size {self.size:g} m is not that of the map, {own:g} m; leave it out")
-        if abs(self.size / self.cell_size - edge) > 1e-9:
+        if abs(self.size / self.cell_size - self.edge) > 1e-9:
             raise ValueError(f"size {self.size:g} m is no multiple of cell_size {self.cell_size:g} m")
         if not 4 <= self.cell_count <= MAX_CELLS:
             raise ValueError(f"size {self.size:g} m gives {self.cell_count} cells; keep it from 4 to {MAX_CELLS}")
@@ -128,16 +129,22 @@ class Scenario(BaseModel):
     def _check_physics(self) -> None:
         """Raise a ValueError where the constants of this kind do not fit together."""
 
+    @property
+    def edge(self) -> int:
+        """Cells along an edge of the map."""
+        return round(self.size / self.cell_size)
+
     @cached_property
     def grid(self) -> Grid:
         """Grid of the decisions, of U and of coverage; its lower left corner is the origin."""
-        edge = round(self.size / self.cell_size)
-        return Grid(edge, edge, self.cell_size)
+        from explore_bench.geometry import Grid  # by need: see kinds
+
+        return Grid(self.edge, self.edge, self.cell_size)
 
     @property
     def cell_count(self) -> int:
         """Cells of the map, n_g of Eq. 3."""
-        return self.grid.cells
+        return self.edge**2
 
     @property
     def landmarks(self) -> int:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Pose
+if TYPE_CHECKING:
+    from explore_bench.geometry import Array, Pose
 
 Command = tuple[float, float]
 """One motion command: turn in place by an angle [rad], or go straight by a length [m]; the other is 0."""
@@ -76,20 +76,3 @@ class Scan:
 
     sightings: Sightings
     view: Patch
-
-
-@jit
-def point_in_patch(dx: float, dy: float, heading: float, origin: Array) -> tuple[float, float]:
-    """Where a point lies in a patch [m], given its offset from the estimated pose in the world.
-
-    `origin` holds the robot's x and y in the patch and the angle from the patch's x axis to the robot's.
-    """
-    c, s = math.cos(origin[2] - heading), math.sin(origin[2] - heading)
-    return origin[0] + c * dx - s * dy, origin[1] + s * dx + c * dy
-
-
-@jit
-def look_up(cells: NDArray[np.uint8], u: float, v: float, resolution: float) -> int:
-    """Value that a patch holds at a point of it [m]; the far edge, reached by rounding, counts as inside."""
-    side = cells.shape[0]
-    return cells[min(max(int(v / resolution), 0), side - 1), min(max(int(u / resolution), 0), side - 1)]

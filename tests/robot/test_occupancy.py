@@ -13,12 +13,12 @@ from explore_bench.robot.occupancy import (
     OCCUPIED_ABOVE,
     OccupancyMap,
     log_odds_increments,
+    point_in_patch,
     probability,
     renyi_entropy,
     shannon_entropy,
 )
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.signals import point_in_patch
 
 FREE, OCCUPIED, HIDDEN = 0, 1, 2
 ONE_CELL = Scenario(size=4.0, sensor_range=0.5, landmark_count=0, obstacle_count=0)

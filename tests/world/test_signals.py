@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from explore_bench.world.signals import Odometry, look_up
+from explore_bench.robot.occupancy import look_up
+from explore_bench.world.signals import Odometry
 
 
 def test_an_odometry_is_frozen():

@@ -111,7 +111,8 @@ def find_candidates(ground: Ground, withheld: Withheld) -> Candidates | None:
         if not with_withheld:
             frontier = np.array([c for c in frontier.tolist() if not withheld.holds(c, ground.known)], dtype=np.int64)
         if len(frontier):
-            return _plan(ground, free, _select(ground, frontier))
+            chosen = _select(ground, frontier)
+            return _plan(ground, free, chosen) if len(chosen) else None
     return None
 
 

@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from explore_bench.geometry import Array
 from explore_bench.world.floor_plan import OBSTACLE, floor_plan
 from explore_bench.world.scenario import NonNegative, Positive, Scenario
 from explore_bench.world.signals import Command, Odometry
+
+if TYPE_CHECKING:
+    from explore_bench.geometry import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +120,7 @@ class LandmarkScenario(Scenario):
             return sum(row.count(OBSTACLE) for row in self.map)
         if self.obstacle_count is not None:
             return self.obstacle_count
-        return math.floor(self.obstacle_density * self.grid.columns + 0.5)
+        return math.floor(self.obstacle_density * self.edge + 0.5)
 
     @cached_property
     def noise(self) -> NoiseModel:
