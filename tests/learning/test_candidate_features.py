@@ -8,7 +8,7 @@ from handmade_graphs import reordered_observation
 from hypothesis import given, settings, strategies as st
 from scipy import ndimage
 
-from baselines.learned import candidates as plus
+from baselines.learned import candidate_features as plus
 from baselines.learned.candidate_features import BLOCK_COLUMNS, CANDIDATE_COLUMNS, STATE_COLUMNS, candidate_set
 from explore_bench.geometry import Grid
 from explore_bench.strategies.contract import Observation
