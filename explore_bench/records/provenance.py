@@ -80,7 +80,7 @@ def scenario_digest(scenario: Scenario) -> str:
 def forget_code() -> None:
     """Read all code anew: it may have been edited since (in a notebook, say)."""
     of_packages = (_modules, _file, _counts_by_source, _registering, _distributions)
-    for function in (code_digest, library_versions, weights_digest, _tree, _syntax, *of_packages):
+    for function in (code_digest, library_versions, weights_digest, _tree, _syntax, _imports, *of_packages):
         function.cache_clear()
     importlib.invalidate_caches()
 
@@ -242,7 +242,8 @@ def _parsed(path: Path) -> ast.Module | None:
         return None
 
 
-def _imports(path: Path, module: str) -> set[str]:
+@cache
+def _imports(path: Path, module: str) -> frozenset[str]:
     """Names that a file imports: of `from a import b` both a and a.b, which may be a module or not."""
     names: set[str] = set()
     tree = _tree(path) or ast.Pass()
@@ -257,7 +258,7 @@ def _imports(path: Path, module: str) -> set[str]:
                 parents = parts[: len(parts) - node.level + is_package]
                 base = ".".join(filter(None, (*parents, base)))
             names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return names | _taken_from_root(tree)
+    return frozenset(names | _taken_from_root(tree))
 
 
 def _taken_from_root(tree: ast.AST) -> set[str]:

@@ -466,26 +466,9 @@ STRATEGIES = {
     "public": f"{root / 'public.py'}:Plugin",
 }
 
-def kept(function):
-    known = {}
-
-    def value(path):
-        if path not in known:
-            known[path] = function(path)
-        return known[path]
-
-    value.known = known
-    return value
-
-# what is known of a file is forgotten one by one: to parse all of them at every edit would take a minute
-provenance._tree = kept(provenance._tree.__wrapped__)
-provenance._syntax = kept(provenance._syntax.__wrapped__)
-
-def keys(edited=None):
-    for by_path in (provenance._tree, provenance._syntax):
-        by_path.known.pop(edited, None)
-    provenance.code_digest.cache_clear()
-    provenance._modules.cache_clear()
+def keys():
+    for of_code in ("code_digest", "_modules", "_tree", "_syntax", "_imports"):
+        getattr(provenance, of_code).cache_clear()  # and what is known of the libraries stays
     return {
         f"{kind} {name}": trial_key(TrialSpec(name, factory, Scenario(kind=kind), 0))
         for kind in ("landmark", "chess")
@@ -498,10 +481,10 @@ for file in sys.argv[2:]:
     path = root / file
     source = path.read_text()
     path.write_text(source + "\\nEDITED = 1\\n")
-    after = keys(path)
+    after = keys()
     path.write_text(source)
-    assert keys(path) == before
     found[file] = sorted(name for name in before if after[name] != before[name])
+assert keys() == before
 print(json.dumps(found))
 """
 
