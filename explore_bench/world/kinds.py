@@ -51,6 +51,12 @@ KINDS: dict[str, Kind] = {
         step="explore_bench.trial.landmark.step:LandmarkStep",
         explorer="explore_bench.trial.landmark.explorer:LandmarkExplorer",
     ),
+    "lidar": Kind(
+        scenario="explore_bench.world.lidar.scenario:LidarScenario",
+        world="explore_bench.world.lidar.world:LidarWorld",
+        step="explore_bench.trial.lidar.step:LidarStep",
+        explorer="explore_bench.trial.lidar.explorer:LidarExplorer",
+    ),
 }
 
 

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 Command = tuple[float, float]
 """One motion command: turn in place by an angle [rad], or go straight by a length [m]; the other is 0."""
 
+Velocity = tuple[float, float]
+"""Speed along the heading [m/s] and turn rate [rad/s] that a robot on wheels is asked for until the next tick."""
+
 FREE, OCCUPIED, HIDDEN = 0, 1, 2
 
 
@@ -76,3 +79,15 @@ class Scan:
 
     sightings: Sightings
     view: Patch
+
+
+@dataclass(frozen=True, slots=True)
+class RangeScan:
+    """What a lidar returns at one place: a range a beam, the beams evenly around and the first one straight ahead.
+
+    Attributes
+    ----------
+    ranges : distance of what each beam met [m], shape (B,); infinite where it met nothing in range.
+    """
+
+    ranges: Array

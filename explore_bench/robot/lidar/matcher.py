@@ -1,0 +1,378 @@
+"""Correlative scan matching: where the robot must stand for its scan to lie on the surfaces that others have seen.
+
+E. B. Olson, "Real-time correlative scan matching", ICRA 2009, with the surface rules of Karto (docs/stage.md): the
+surfaces that a few key poses have seen are smeared into a field of values from 0 to 1; the response of a pose is the
+field's mean over the scan's points; it is sampled on a lattice around the prediction, and climbed from the best sample.
+What odometry says is a prior of the search, so that in a corridor, which leaves a direction open, nothing slides.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.compiled import jit
+from explore_bench.geometry import TAU, Array, Grid, Pose, wrap_angle
+
+Field = NDArray[np.float32]
+Cells = NDArray[np.int64]
+
+FIELD_RESOLUTION = 0.05
+"""Edge of a cell of the field [m]."""
+
+SMEAR = 0.05
+"""σ of the Gaussian around every surface point [m]."""
+
+POINT_SPACING = 0.08
+"""Surface points between two neighbouring hits are at most this far apart [m]: hits 10 m away are 17 cm apart, and a
+scan would lock onto them like onto beads."""
+
+LONGEST_GAP = 0.5
+"""Two hits farther apart are not of one surface [m]."""
+
+WEIGHT = 100.0
+"""What a response of 1 weighs in the logarithm of the likelihood: as many points of a scan as tell of their own."""
+
+SHARPNESS = 200.0
+"""Samples of the response weigh exp(SHARPNESS · difference to the best) in its covariance."""
+
+FLOOR = 0.006, 0.0015
+"""Least standard deviations of a match [m, rad]: the lattice resolves no finer ones."""
+
+OPEN = 0.5
+"""A direction whose standard deviation exceeds this share of a uniform response's is open: nothing there limits it."""
+
+OPEN_SIGMA = 1.0
+"""Standard deviation that an open direction is given [m]."""
+
+_LEVELS = 32
+_HALF = math.ceil(2.0 * SMEAR / FIELD_RESOLUTION)
+_OFFSETS = np.arange(-_HALF, _HALF + 1) + 0.5 - (np.arange(_LEVELS)[:, None] + 0.5) / _LEVELS
+_KERNEL = np.exp(-0.5 * (_OFFSETS * FIELD_RESOLUTION / SMEAR) ** 2).astype(np.float32)
+"""Gaussian along one axis at the cells around a point, by the point's place in its cell: to 0.8 mm, and no exponential
+for each of the hundreds of thousands of values that a match writes."""
+
+FINEST = 0.001, 0.0002
+"""Steps at which climbing ends [m, rad]."""
+
+
+class Surfaces(NamedTuple):
+    """What one scan tells, in the robot's frame.
+
+    Attributes
+    ----------
+    hits : where the beams ended [m], shape (H, 2).
+    points : points on the surfaces between them [m], shape (S, 2).
+    normals : unit normal of each, towards the lidar, shape (S, 2); 0 where a hit has no neighbour.
+    """
+
+    hits: Array
+    points: Array
+    normals: Array
+
+
+class Window(NamedTuple):
+    """Half widths of a search [m, rad] and the step between its angles [rad]; positions are a field's cell apart."""
+
+    reach: float
+    turn: float
+    turn_step: float
+
+
+SEQUENTIAL = Window(0.15, math.radians(6.0), math.radians(1.0))
+"""Search of a scan against those before it."""
+
+LOOP = Window(0.6, math.radians(12.0), math.radians(1.0))
+"""Search of a scan against those of an earlier visit."""
+
+
+class Match(NamedTuple):
+    """Where a scan fits best.
+
+    Attributes
+    ----------
+    pose : of the robot.
+    response : mean of the field over the scan's points, 0 to 1.
+    covariance : of the match alone, without the prior, in the world's axes, shape (3, 3).
+    """
+
+    pose: Pose
+    response: float
+    covariance: Array
+
+
+@jit
+def surfaces_of(ranges: Array, reach: float) -> Surfaces:
+    """Surfaces that a scan shows; ranges as in `RangeScan`, what lies beyond `reach` [m] is left out."""
+    beams = ranges.shape[0]
+    spread = TAU / beams
+    hits = np.empty((beams, 2))
+    count = 0
+    room = 2 * beams + int(beams * LONGEST_GAP / POINT_SPACING)
+    points, normals = np.empty((room, 2)), np.empty((room, 2))
+    total = 0
+    for beam in range(beams):
+        if not ranges[beam] <= reach:
+            continue
+        x, y = ranges[beam] * math.cos(spread * beam), ranges[beam] * math.sin(spread * beam)
+        hits[count, 0], hits[count, 1] = x, y
+        count += 1
+        following = (beam + 1) % beams
+        before = (beam - 1) % beams
+        joined = _joined(ranges[beam], ranges[following], spread, reach)
+        if not joined:
+            points[total, 0], points[total, 1] = x, y
+            if _joined(ranges[before], ranges[beam], spread, reach):
+                other_x = ranges[before] * math.cos(spread * before)
+                other_y = ranges[before] * math.sin(spread * before)
+                normals[total, 0], normals[total, 1] = _normal(x, y, x - other_x, y - other_y)
+            else:
+                normals[total, 0], normals[total, 1] = 0.0, 0.0
+            total += 1
+            continue
+        dx = ranges[following] * math.cos(spread * following) - x
+        dy = ranges[following] * math.sin(spread * following) - y
+        normal_x, normal_y = _normal(x, y, dx, dy)
+        pieces = max(int(math.ceil(math.hypot(dx, dy) / POINT_SPACING)), 1)
+        for k in range(pieces):
+            points[total, 0], points[total, 1] = x + dx * k / pieces, y + dy * k / pieces
+            normals[total, 0], normals[total, 1] = normal_x, normal_y
+            total += 1
+    return Surfaces(hits[:count].copy(), points[:total].copy(), normals[:total].copy())
+
+
+@jit
+def _joined(one: float, other: float, spread: float, reach: float) -> bool:
+    """Whether two neighbouring ranges are of one surface: near to each other for how far away they are."""
+    if not (one <= reach and other <= reach):
+        return False
+    across = min(one, other) * spread
+    gap = math.hypot(one - other, across)
+    return gap <= LONGEST_GAP and abs(one - other) <= 3.0 * across + SMEAR
+
+
+@jit
+def _normal(x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
+    """Unit normal of a surface along (dx, dy) at (x, y), on the side of the origin."""
+    length = math.hypot(dx, dy)
+    if length == 0.0:
+        return 0.0, 0.0
+    normal_x, normal_y = -dy / length, dx / length
+    if normal_x * x + normal_y * y > 0.0:
+        return -normal_x, -normal_y
+    return normal_x, normal_y
+
+
+@jit
+def smear(
+    points: Array, normals: Array, starts: Cells, poses: Array, viewpoint: Pose, field: Field, grid: Grid
+) -> None:
+    """Write the surfaces of key frames into a field, shape (rows, columns), which is cleared before.
+
+    Parameters
+    ----------
+    points, normals : of all frames one after another, in each frame's own, shapes (S, 2).
+    starts : where each frame's begin, and S; shape (F + 1,).
+    poses : estimates of the frames, shape (F, 3).
+    viewpoint : about where the scan was taken: of walls seen from their other side it sees nothing.
+    """
+    field[:] = 0.0
+    for frame in range(poses.shape[0]):
+        c, s = math.cos(poses[frame, 2]), math.sin(poses[frame, 2])
+        for k in range(starts[frame], starts[frame + 1]):
+            x = poses[frame, 0] + c * points[k, 0] - s * points[k, 1]
+            y = poses[frame, 1] + s * points[k, 0] + c * points[k, 1]
+            normal_x, normal_y = c * normals[k, 0] - s * normals[k, 1], s * normals[k, 0] + c * normals[k, 1]
+            if normal_x * (viewpoint[0] - x) + normal_y * (viewpoint[1] - y) < 0.0:
+                continue
+            u, v = (x - grid.x0) / grid.resolution, (y - grid.y0) / grid.resolution
+            column, row = int(math.floor(u)), int(math.floor(v))
+            if not (_HALF <= row < grid.rows - _HALF and _HALF <= column < grid.columns - _HALF):
+                continue
+            along, up = _KERNEL[int((u - column) * _LEVELS)], _KERNEL[int((v - row) * _LEVELS)]
+            for i in range(2 * _HALF + 1):
+                for j in range(2 * _HALF + 1):
+                    value = along[j] * up[i]
+                    if value > field[row - _HALF + i, column - _HALF + j]:
+                        field[row - _HALF + i, column - _HALF + j] = value
+
+
+@jit
+def response(pose: Pose, hits: Array, field: Field, grid: Grid) -> float:
+    """Mean of the field, interpolated between the centres of its cells, over a scan's points placed at a pose."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    total = 0.0
+    for k in range(hits.shape[0]):
+        u = (pose[0] + c * hits[k, 0] - s * hits[k, 1] - grid.x0) / grid.resolution - 0.5
+        v = (pose[1] + s * hits[k, 0] + c * hits[k, 1] - grid.y0) / grid.resolution - 0.5
+        j, i = int(math.floor(u)), int(math.floor(v))
+        if 0 <= i < grid.rows - 1 and 0 <= j < grid.columns - 1:
+            a, b = u - j, v - i
+            low = field[i, j] + a * (field[i, j + 1] - field[i, j])
+            high = field[i + 1, j] + a * (field[i + 1, j + 1] - field[i + 1, j])
+            total += low + b * (high - low)
+    return total / max(hits.shape[0], 1)
+
+
+@jit
+def search(
+    hits: Array, prediction: Pose, information: Array, window: Window, field: Field, grid: Grid
+) -> tuple[Pose, float, Array]:
+    """Find the pose of the best response near a prediction; returns it, its response, and the covariance of the match.
+
+    Parameters
+    ----------
+    hits : points of the scan in the robot's frame, shape (H, 2).
+    information : inverse covariance of the prediction in the world's axes, shape (3, 3); 0 where nothing is known.
+    """
+    steps = int(round(window.reach / grid.resolution))
+    turns = int(round(window.turn / window.turn_step))
+    samples = np.zeros((2 * turns + 1, 2 * steps + 1, 2 * steps + 1))
+    best, best_pose = -np.inf, prediction
+    rows, columns = np.empty(hits.shape[0], dtype=np.int64), np.empty(hits.shape[0], dtype=np.int64)
+    for a in range(2 * turns + 1):
+        turn = (a - turns) * window.turn_step
+        kept = _cells_at(hits, prediction, turn, steps, rows, columns, grid)
+        for i in range(2 * steps + 1):
+            for j in range(2 * steps + 1):
+                total = 0.0
+                for k in range(kept):
+                    total += field[rows[k] + i - steps, columns[k] + j - steps]
+                samples[a, i, j] = total / max(hits.shape[0], 1)
+                dx, dy = (j - steps) * grid.resolution, (i - steps) * grid.resolution
+                value = WEIGHT * samples[a, i, j] - 0.5 * _squared(dx, dy, turn, information)
+                if value > best:
+                    best = value
+                    best_pose = (prediction[0] + dx, prediction[1] + dy, prediction[2] + turn)
+    pose = _climb(hits, best_pose, prediction, information, window, field, grid)
+    covariance = _spread(samples, pose, prediction, window, grid.resolution)
+    return (pose[0], pose[1], wrap_angle(pose[2])), response(pose, hits, field, grid), covariance
+
+
+@jit
+def _cells_at(hits: Array, pose: Pose, turn: float, steps: int, rows: Cells, columns: Cells, grid: Grid) -> int:
+    """Cells of a scan's points placed at a turned pose, as far as they stay on the field wherever it is shifted."""
+    c, s = math.cos(pose[2] + turn), math.sin(pose[2] + turn)
+    kept = 0
+    for k in range(hits.shape[0]):
+        column = int(math.floor((pose[0] + c * hits[k, 0] - s * hits[k, 1] - grid.x0) / grid.resolution))
+        row = int(math.floor((pose[1] + s * hits[k, 0] + c * hits[k, 1] - grid.y0) / grid.resolution))
+        if steps <= row < grid.rows - steps and steps <= column < grid.columns - steps:
+            rows[kept], columns[kept] = row, column
+            kept += 1
+    return kept
+
+
+@jit
+def _squared(dx: float, dy: float, turn: float, information: Array) -> float:
+    """Squared Mahalanobis distance of a pose from the prediction."""
+    return (
+        information[0, 0] * dx * dx
+        + information[1, 1] * dy * dy
+        + information[2, 2] * turn * turn
+        + 2.0 * (information[0, 1] * dx * dy + information[0, 2] * dx * turn + information[1, 2] * dy * turn)
+    )
+
+
+@jit
+def _climb(
+    hits: Array, start: Pose, prediction: Pose, information: Array, window: Window, field: Field, grid: Grid
+) -> Pose:
+    """Climb to the top next to a sample: along one coordinate after the other, with ever smaller steps."""
+    here = np.array(start)
+    there = here.copy()
+    best = WEIGHT * response(start, hits, field, grid) - 0.5 * _squared(
+        start[0] - prediction[0], start[1] - prediction[1], start[2] - prediction[2], information
+    )
+    step, turn = 0.5 * grid.resolution, 0.5 * window.turn_step
+    while step > FINEST[0] or turn > FINEST[1]:
+        moved = False
+        for axis in range(3):
+            size = turn if axis == 2 else step
+            for sign in (-1.0, 1.0):
+                there[:] = here
+                there[axis] += sign * size
+                value = WEIGHT * response((there[0], there[1], there[2]), hits, field, grid) - 0.5 * _squared(
+                    there[0] - prediction[0], there[1] - prediction[1], there[2] - prediction[2], information
+                )
+                if value > best:
+                    best = value
+                    here[:] = there
+                    moved = True
+                    break
+        if not moved:
+            step, turn = 0.5 * step, 0.5 * turn
+    return here[0], here[1], here[2]
+
+
+@jit
+def _spread(samples: Array, pose: Pose, prediction: Pose, window: Window, resolution: float) -> Array:
+    """Covariance of a match: second moments of the samples around it, an open direction given OPEN_SIGMA."""
+    turns, steps = samples.shape[0] // 2, samples.shape[1] // 2
+    top = samples.max()
+    moments, total = np.zeros((3, 3)), 0.0
+    offset = np.empty(3)
+    for a in range(samples.shape[0]):
+        for i in range(samples.shape[1]):
+            for j in range(samples.shape[2]):
+                weight = math.exp(SHARPNESS * (samples[a, i, j] - top))
+                if weight < 1e-6:
+                    continue
+                offset[0] = prediction[0] + (j - steps) * resolution - pose[0]
+                offset[1] = prediction[1] + (i - steps) * resolution - pose[1]
+                offset[2] = prediction[2] + (a - turns) * window.turn_step - pose[2]
+                moments += weight * np.outer(offset, offset)
+                total += weight
+    moments /= total
+    moments[0, 0] += FLOOR[0] ** 2
+    moments[1, 1] += FLOOR[0] ** 2
+    moments[2, 2] += FLOOR[1] ** 2
+    uniform = window.reach * window.reach / 3.0
+    values, axes = np.linalg.eigh(moments[:2, :2].copy())
+    for k in range(2):
+        if values[k] > OPEN * OPEN * uniform:
+            for i in range(2):
+                for j in range(2):
+                    moments[i, j] += OPEN_SIGMA**2 * axes[i, k] * axes[j, k]
+    return moments
+
+
+class Matcher:
+    """Matches scans against the surfaces that key frames have seen."""
+
+    def __init__(self, reach: float) -> None:
+        side = 2 * int(math.ceil((reach + LOOP.reach) / FIELD_RESOLUTION + 4))
+        self._side = side
+        self._field = np.zeros((side, side), dtype=np.float32)
+
+    def match(
+        self,
+        hits: Array,
+        prediction: Pose,
+        information: Array,
+        frames: list[Surfaces],
+        poses: Array,
+        window: Window = SEQUENTIAL,
+    ) -> Match:
+        """Match a scan against frames.
+
+        Parameters
+        ----------
+        hits : of the scan's `Surfaces`, shape (H, 2).
+        prediction, information : where the robot should be, and the inverse of its covariance in the world's axes,
+            shape (3, 3); 0 for a search without a prior.
+        frames, poses : what key frames have seen, and their estimates, shape (F, 3).
+        """
+        grid = self._grid(prediction)
+        points = np.concatenate([frame.points for frame in frames])
+        normals = np.concatenate([frame.normals for frame in frames])
+        starts = np.cumsum([0] + [len(frame.points) for frame in frames])
+        smear(points, normals, starts, poses, prediction, self._field, grid)
+        return Match(*search(hits, prediction, information, window, self._field, grid))
+
+    def _grid(self, centre: Pose) -> Grid:
+        half = 0.5 * self._side * FIELD_RESOLUTION
+        return Grid(self._side, self._side, FIELD_RESOLUTION, centre[0] - half, centre[1] - half)

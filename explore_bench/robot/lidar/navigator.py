@@ -1,0 +1,147 @@
+"""Where to go on the fine map: candidates from frontiers, the way to each, and when a drive has to end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from explore_bench.geometry import Array, Pose
+from explore_bench.robot.lidar.frontiers import Frontier, frontier_mask, frontiers
+from explore_bench.robot.lidar.grid_map import GridMap
+from explore_bench.robot.lidar.terrain import Terrain, Ways, length_of
+from explore_bench.robot.planning.roads import Roads
+from explore_bench.world.lidar.scenario import LidarScenario
+
+MARGINS = (0.0, 0.04, 0.08)
+"""What is given up of the lethal radius, one after the other, where no frontier can be reached [m]."""
+
+RELEASES = 3
+"""How often withheld frontiers come back because nothing else is left."""
+
+WITHHELD_WITHIN = 1.0
+"""Of a frontier that a decision did not resolve, what lies this near to its middle is withheld [m]."""
+
+GONE = 0.5
+"""A frontier is resolved when this share of its cells is one no more."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a strategy chooses from: a frontier for each candidate, in ascending order of the decision grid's cells.
+
+    Attributes
+    ----------
+    cells : of the decision grid, in which the middles of the frontiers lie, shape (C,).
+    positions : the middles [m], shape (C, 2).
+    frontiers : what is looked at.
+    routes : for each the cells of the map from the robot's own to where it looks from.
+    paths : the same as cells of the decision grid, the candidate's own last.
+    lengths : of the routes [m], shape (C,).
+    roads : all that can be reached, on the grid of the map.
+    """
+
+    cells: NDArray[np.int64]
+    positions: Array
+    frontiers: tuple[Frontier, ...]
+    routes: tuple[NDArray[np.int64], ...]
+    paths: tuple[NDArray[np.int64], ...]
+    lengths: Array
+    roads: Roads
+
+
+class Navigator:
+    """The fine planner of one trial; it remembers which frontiers are withheld."""
+
+    def __init__(self, scenario: LidarScenario, map_: GridMap) -> None:
+        self._scenario, self._map = scenario, map_
+        self._withheld = np.zeros(map_.grid.shape, dtype=bool)
+        self._releases = 0
+        self._margin = 0.0
+        self.look()
+
+    def look(self) -> None:
+        """Take in the map as it is now."""
+        self.terrain = Terrain(self._map.grid, self._map.known, self._map.occupied)
+
+    def ways(self, pose: Pose, margin: float | None = None) -> Ways:
+        """Cheapest ways from a pose, keeping the lethal radius less a margin [m]; that of the last offer by default."""
+        start = self._map.grid.cell_of(pose[0], pose[1])
+        given = self._margin if margin is None else margin
+        return self.terrain.ways(start, self._scenario.lethal_radius - given)
+
+    def offer(self, pose: Pose) -> Offer | None:
+        """Candidates from a pose; None where no frontier can be reached, whatever is given up."""
+        while True:
+            for margin in MARGINS:
+                ways = self.ways(pose, margin)
+                found = frontiers(self.terrain, ways, self._withheld)
+                if found:
+                    self._margin = margin
+                    return self._offer(found, ways)
+            if self._releases == RELEASES or not self._withheld.any():
+                return None
+            self._releases += 1
+            self.release()
+
+    def release(self) -> None:
+        """Withhold nothing any more."""
+        self._withheld[:] = False
+
+    def withhold(self, frontier: Frontier) -> None:
+        """Withhold what is left of a frontier that was looked at in vain."""
+        grid = self._map.grid
+        around = np.zeros(grid.shape, dtype=bool)
+        around.reshape(-1)[frontier.cells] = True
+        around = ndimage.binary_dilation(around, iterations=2)
+        x, y = grid.centre_of(frontier.middle)
+        centres = grid.centres(np.flatnonzero(around))
+        near = np.hypot(*(centres - (x, y)).T) <= WITHHELD_WITHIN + 2 * grid.resolution
+        self._withheld.reshape(-1)[np.flatnonzero(around)[near]] = True
+
+    def resolved(self, frontier: Frontier) -> bool:
+        """Whether enough of a frontier is one no more."""
+        return bool(frontier_mask(self.terrain).reshape(-1)[frontier.cells].mean() <= 1.0 - GONE)
+
+    def blocked(self, route: NDArray[np.int64]) -> bool:
+        """Whether what is believed now closes a route."""
+        least = self._scenario.lethal_radius - self._margin - 0.02
+        return bool(np.any(self.terrain.clearance.reshape(-1)[route[1:]] < least))
+
+    def _offer(self, found: list[Frontier], ways: Ways) -> Offer:
+        grid, decisions = self._map.grid, self._scenario.grid
+        best: dict[int, Frontier] = {}
+        for frontier in sorted(found, key=lambda f: (f.cost, f.middle)):
+            best.setdefault(decisions.cell_of(*grid.centre_of(frontier.middle)), frontier)
+        nearest = dict(list(best.items())[: self._scenario.candidates_per_robot])
+        cells = np.array(sorted(nearest), dtype=np.int64)
+        chosen = tuple(nearest[cell] for cell in cells.tolist())
+        routes = tuple(ways.to(frontier.goal) for frontier in chosen)
+        return Offer(
+            cells=cells,
+            positions=grid.centres(np.array([frontier.middle for frontier in chosen])),
+            frontiers=chosen,
+            routes=routes,
+            paths=tuple(self._coarse(route, cell) for route, cell in zip(routes, cells.tolist(), strict=True)),
+            lengths=np.array([length_of(route, grid.columns, grid.resolution) for route in routes]),
+            roads=Roads(grid, ways.free.copy(), ways.start),
+        )
+
+    def _coarse(self, route: NDArray[np.int64], last: int) -> NDArray[np.int64]:
+        """Cells of the decision grid along a route, ending in a given one."""
+        decisions = self._scenario.grid
+        places = self._map.grid.centres(route)
+        cells = np.append(
+            (places[:, 1] // decisions.resolution).astype(np.int64) * decisions.columns
+            + (places[:, 0] // decisions.resolution).astype(np.int64),
+            last,
+        )
+        return cells[np.concatenate(([True], cells[1:] != cells[:-1]))]
+
+
+def seconds_for(length: float) -> float:
+    """Time [s] after which a drive of this length [m] is given up."""
+    return 30.0 + 6.0 * length if math.isfinite(length) else math.inf

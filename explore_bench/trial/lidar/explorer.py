@@ -1,0 +1,284 @@
+"""A robot in a lidar world: true motion, scans and SLAM tied together, one tick after the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_bench.geometry import Array, Pose, between, compose
+from explore_bench.robot.belief import Belief
+from explore_bench.robot.lidar.frontiers import Frontier
+from explore_bench.robot.lidar.local_planner import local_planner
+from explore_bench.robot.lidar.mapper import Mapper
+from explore_bench.robot.lidar.navigator import Navigator, Offer, seconds_for
+from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN
+from explore_bench.robot.planning.roads import Roads
+from explore_bench.robot.timing import Lap
+from explore_bench.strategies.contract import Observation, Target
+from explore_bench.trial.explorer import Patience, StuckError, checked
+from explore_bench.trial.lidar.step import LidarStep
+from explore_bench.trial.spec import Status
+from explore_bench.world.lidar.motion import Vehicle
+from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.sensor import Lidar
+from explore_bench.world.lidar.world import LidarWorld
+
+ROBOT = 0
+"""Number of the robot; there is one."""
+
+ARRIVED = 0.25
+"""Distance at which a goal is reached [m] (nav2)."""
+
+STALL_SECONDS, STALL_DISTANCE = 10.0, 0.3
+"""A robot that does not get this far in that time is stalled [s, m]."""
+
+JUMP = 0.25
+"""A loop closure that moves the robot farther than this ends its drive [m]; a lesser one only mends the route."""
+
+CLOSURE_DISTANCE, CLOSURE_TURN = 0.3, math.radians(3.0)
+"""A closure is true where its relative pose is this near to the true one [m, rad]."""
+
+
+class LidarExplorer:
+    """A robot in a world: its true motion, its lidar and its SLAM, moved along routes.
+
+    Attributes
+    ----------
+    scenario : what the robot may know of it.
+    steps, decisions : counted so far; a step is a key pose.
+    mapper : its SLAM and maps.
+    """
+
+    def __init__(
+        self,
+        scenario: LidarScenario,
+        world: LidarWorld,
+        motion: np.random.Generator,
+        sensing: np.random.Generator,
+        lap: Lap,
+    ) -> None:
+        if world.grid != scenario.truth_grid:
+            raise ValueError(
+                f"the world has {world.grid.columns} × {world.grid.rows} cells of {world.grid.resolution:g} m, the "
+                f"scenario {scenario.truth_grid.columns} × {scenario.truth_grid.rows} of "
+                f"{scenario.truth_grid.resolution:g} m; make them agree"
+            )
+        self.scenario: LidarScenario = scenario.blind
+        self._lap = lap
+        self.steps = self.decisions = 0
+        self._seconds = 0.0
+        self._vehicle = Vehicle(self.scenario, world, motion)
+        self._lidar = Lidar(self.scenario, world, sensing)
+        self._truth = _Truth(self.scenario, world)
+        self._true_keys: list[Pose] = [world.start]
+        self._false_closures = self._judged = 0
+        self._local = local_planner(self.scenario)
+        self.mapper = Mapper(self.scenario, world.start, self._lidar.scan(world.start), lap)
+        self._navigator = Navigator(self.scenario, self.mapper.slam.map)
+        self._patience = Patience(self.scenario)
+        self._offer: Offer | None = None
+        self._roads: Roads | None = None
+        self._since: tuple[Pose, float, float] = ((0.0, 0.0, 0.0), 0.0, 0.0)
+
+    @property
+    def pose(self) -> Pose:
+        """Estimated pose: the newest key pose, and what odometry measured since."""
+        return compose(self.mapper.slam.pose, self._since[0])
+
+    @property
+    def explored(self) -> float:
+        """Known share of the places that count."""
+        return self._truth.explored(self.mapper.slam.map.known)
+
+    def belief(self) -> Belief:
+        """What the robot believes now, frozen."""
+        return self.mapper.belief()
+
+    def status(self) -> Status | None:
+        """How the trial ends now; None while it goes on."""
+        if self.explored >= self.scenario.coverage:
+            return Status.EXPLORED
+        if self.steps >= self.scenario.step_limit or self._seconds >= self.scenario.time_limit:
+            return Status.STEP_LIMIT
+        return None
+
+    def observe(self) -> Observation:
+        """What the decision that is due may use.
+
+        Raises
+        ------
+        StuckError : where no frontier can be reached, or too many decisions did not leave a cell.
+        """
+        self._navigator.look()
+        offer = self._navigator.offer(self.mapper.slam.pose)
+        self._lap("frontiers")
+        if offer is None:
+            raise StuckError("no frontier can be reached")
+        self._patience.decide(self._own_cell)
+        self._offer = offer
+        self._roads = Roads(offer.roads.grid, offer.roads.free.copy(), offer.roads.start)
+        shown = tuple(path.copy() for path in offer.paths)
+        arrays = (cells, positions, lengths) = offer.cells.copy(), offer.positions.copy(), offer.lengths.copy()
+        for array in (*arrays, *shown):
+            array.setflags(write=False)
+        return Observation(
+            belief=self.belief(),
+            step=self.steps,
+            decision=self.decisions,
+            candidates=cells,
+            positions=positions,
+            paths=shown,
+            path_lengths=lengths,
+            roads=offer.roads,
+            robot=ROBOT,
+        )
+
+    def drive(self, choice: object) -> Generator[LidarStep]:
+        """Drive to where a candidate can be looked at, or to a Target, and yield the row of each key pose.
+
+        Raises
+        ------
+        ChoiceError : where that cannot be driven to.
+        """
+        assert self._roads is not None
+        assert self._offer is not None
+        answer = checked(choice, len(self._offer.cells), self._roads)
+        grid = self._roads.grid
+        if isinstance(answer, Target):
+            frontier, goal = None, grid.cell_of(*answer.position)
+            route = self._navigator.ways(self.pose).to(goal)
+        else:
+            frontier, route = self._offer.frontiers[answer], self._offer.routes[answer]
+        self.decisions += 1
+        yield from self._follow(route, frontier)
+        if frontier is not None and not self._navigator.resolved(frontier):
+            self._navigator.withhold(frontier)
+
+    def row(self) -> LidarStep:
+        """The primitives after the last key pose."""
+        slam = self.mapper.slam
+        self._judge()
+        values: tuple[Any, ...] = (
+            self.steps,
+            self.decisions,
+            ROBOT,
+            *self._vehicle.pose,
+            *slam.pose,
+            *slam.covariances[-1][[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
+            self.mapper.virtual_map.uncertainty,
+            *self.mapper.peak_traces,
+            self.explored,
+            self._vehicle.length,
+            self._vehicle.turned,
+            self._vehicle.collisions,
+            self._truth.mislabelled(slam.map.known, slam.map.occupied),
+            self._seconds,
+            len(slam.closures),
+            self._false_closures,
+        )
+        row = LidarStep(*values)
+        self._lap("row")
+        return row
+
+    @property
+    def _own_cell(self) -> int:
+        """Cell of the decision grid."""
+        return self.scenario.grid.cell_of(self.pose[0], self.pose[1])
+
+    def _follow(self, route: NDArray[np.int64], frontier: Frontier | None) -> Generator[LidarStep]:
+        """Follow a route to its end, or until the trial ends, the frontier is resolved, or no way leads on."""
+        grid, navigator = self.scenario.map_grid, self._navigator
+        goal = int(route[-1])
+        path, end = grid.centres(route), grid.centre_of(goal)
+        begin = self._seconds
+        limit = seconds_for(float(np.hypot(*np.diff(path, axis=0).T).sum()))
+        mark, mark_seconds = self.pose, begin
+        while True:
+            pose = self.pose
+            arrived = math.hypot(end[0] - pose[0], end[1] - pose[1]) <= ARRIVED
+            stalled = False
+            if math.hypot(pose[0] - mark[0], pose[1] - mark[1]) >= STALL_DISTANCE:
+                mark, mark_seconds = pose, self._seconds
+            else:
+                stalled = self._seconds - mark_seconds >= STALL_SECONDS
+            given_up = arrived or stalled or self._seconds - begin >= limit
+            if not given_up:
+                command = self._local.command(pose, self._vehicle.velocity, path, navigator.terrain.clearance, grid)
+                self._tick(command)
+                if self._since[1] < KEY_DISTANCE and self._since[2] < KEY_TURN:
+                    continue
+            before = self.pose
+            moved = self._take()
+            yield self.row()
+            self._patience.visit(self._own_cell)
+            if given_up or self.status() is not None:
+                return
+            navigator.look()
+            if frontier is not None and navigator.resolved(frontier):
+                return
+            if moved:
+                now = self.pose
+                navigator.release()
+                if math.hypot(now[0] - before[0], now[1] - before[1]) > JUMP:
+                    return
+            if moved or navigator.blocked(route):
+                ways = navigator.ways(self.pose)
+                if not math.isfinite(ways.cost[goal]):
+                    return
+                route = ways.to(goal)
+                path = grid.centres(route)
+            self._lap("route")
+
+    def _tick(self, command: tuple[float, float]) -> None:
+        motion = self._vehicle.move(command)
+        self._seconds += self.scenario.tick
+        so_far, length, turned = self._since
+        self._since = compose(so_far, motion), length + math.hypot(motion[0], motion[1]), turned + abs(motion[2])
+
+    def _take(self) -> bool:
+        """Take a scan in as a key pose; returns whether the past was moved."""
+        self._lap("driver")
+        self.steps += 1
+        scan = self._lidar.scan(self._vehicle.pose)
+        self._lap("world")
+        self._true_keys.append(self._vehicle.pose)
+        moved = self.mapper.update(*self._since, scan)
+        self._since = ((0.0, 0.0, 0.0), 0.0, 0.0)
+        return moved
+
+    def _judge(self) -> None:
+        """Compare new closures with the truth."""
+        closures = self.mapper.slam.closures
+        for closure in closures[self._judged :]:
+            true = between(self._true_keys[closure.earlier], self._true_keys[closure.later])
+            x, y, turn = between(true, closure.motion)
+            self._false_closures += math.hypot(x, y) > CLOSURE_DISTANCE or abs(turn) > CLOSURE_TURN
+        self._judged = len(closures)
+
+
+class _Truth:
+    """What a map of the robot's grid is compared with."""
+
+    def __init__(self, scenario: LidarScenario, world: LidarWorld) -> None:
+        grid = scenario.map_grid
+        share = round(scenario.map_resolution / scenario.resolution)
+        if share < 1 or abs(share * scenario.resolution - scenario.map_resolution) > 1e-9:
+            raise ValueError("map_resolution is no multiple of resolution")
+
+        def blocks(cells: NDArray[np.bool_]) -> Array:
+            return np.asarray(cells.reshape(grid.rows, share, grid.columns, share).sum(axis=(1, 3)), dtype=float)
+
+        self._counted = blocks(world.counted)
+        self._total = self._counted.sum()
+        obstacles = blocks(world.obstacles)
+        self._solid, self._open = obstacles == share * share, obstacles == 0
+
+    def explored(self, known: NDArray[np.bool_]) -> float:
+        return float(self._counted[known].sum() / self._total)
+
+    def mislabelled(self, known: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> int:
+        return int(np.count_nonzero(known & np.where(occupied, self._open, self._solid)))

@@ -1,0 +1,17 @@
+"""The row that a trial in a lidar world keeps of every step, which is a key pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from explore_bench.trial.steps import Column, Step
+
+
+@dataclass(frozen=True, slots=True)
+class LidarStep(Step):
+    """Primitives after one key pose, with those of this kind of world last."""
+
+    seconds: Annotated[float, Column("float64", "s", "simulated time so far")]
+    closures: Annotated[int, Column("int32", "1", "loops closed so far")]
+    false_closures: Annotated[int, Column("int32", "1", "those whose relative pose is not the true one")]

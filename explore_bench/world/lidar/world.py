@@ -1,0 +1,174 @@
+"""True maps of lidar worlds: a drawn scene, and a start from which the robot reaches every place where it fits."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from explore_bench.errors import RequestError
+from explore_bench.geometry import Array, Grid, Pose, centre_of
+from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.scenes import SCENES
+
+MAX_DRAWS = 200
+"""The scenes take 1.0 draws on average with the scenario's own constants."""
+
+START_ROOM = 0.2
+"""What the start has more of clearance than the passage [m], to turn and look around."""
+
+COUNTED_WITHIN = 0.30
+"""A free cell counts towards coverage this near [m] to a place that the robot reaches."""
+
+LOST = 1.0
+"""Area [m²] with the passage's clearance that may be cut off and is filled in; a larger one has the world redrawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class LidarWorld:
+    """A true map on a fine grid; arrays have the shape (rows, columns), rows along y, and are read-only.
+
+    Attributes
+    ----------
+    grid : of the obstacles.
+    obstacles : whether a cell is an obstacle.
+    counted : whether a cell counts towards coverage: in a drawn world those that are free and within 0.30 m of a place
+        that the robot reaches with the passage's clearance all the way.
+    start : true pose at step 0.
+    """
+
+    grid: Grid
+    obstacles: NDArray[np.bool_]
+    counted: NDArray[np.bool_]
+    start: Pose
+
+    def __post_init__(self) -> None:
+        for name in ("obstacles", "counted"):
+            cells = getattr(self, name)
+            if cells.shape != self.grid.shape:
+                raise ValueError(f"{name} have the shape {cells.shape}, their grid {self.grid.shape}")
+            cells.setflags(write=False)
+
+    @property
+    def landmarks(self) -> Array:
+        """True positions of landmarks, of which there are none: shape (0, 2)."""
+        return np.empty((0, 2))
+
+    @cached_property
+    def clearance(self) -> Array:
+        """Distance [m] from each cell's centre to that of the nearest obstacle, beyond the grid included; read-only.
+
+        The obstacle itself begins 0.5 to 0.7 of a cell nearer.
+        """
+        clearance = clearance_of(self.obstacles, self.grid.resolution)
+        clearance.setflags(write=False)
+        return clearance
+
+    @cached_property
+    def digest(self) -> str:
+        """Twelve hexadecimal digits that tell this world from any other."""
+        digest = hashlib.sha256(str(self.grid.columns).encode())
+        digest.update(np.packbits(self.obstacles).tobytes() + np.packbits(self.counted).tobytes())
+        digest.update(np.array([*self.start, self.grid.resolution]).tobytes())
+        return digest.hexdigest()[:12]
+
+    @classmethod
+    def draw(cls, scenario: LidarScenario, rng: np.random.Generator) -> Self:
+        """World of a scenario, drawn at random.
+
+        The robot reaches every place where it fits: gaps that are too narrow for the passage, and pockets behind them,
+        are closed, and a scene is drawn anew where that would lose more than a square metre.
+
+        Raises
+        ------
+        RequestError : when 200 draws gave no such world.
+        """
+        grid, passage = scenario.truth_grid, scenario.passage
+        for _ in range(MAX_DRAWS):
+            scene = SCENES[scenario.scene](scenario.size, scenario.resolution, rng)
+            clearance = clearance_of(scene, grid.resolution)
+            reached = _connected(clearance >= passage, LOST / grid.resolution**2)
+            if reached is None:
+                continue
+            away = ndimage.distance_transform_edt(~reached) * grid.resolution
+            gaps = _gaps(~scene & (away > passage), clearance >= scenario.robot_radius)
+            obstacles = scene | gaps
+            if gaps.any():
+                clearance = clearance_of(obstacles, grid.resolution)
+            starts = np.flatnonzero(reached & (clearance >= passage + START_ROOM))
+            if not len(starts):
+                continue
+            x, y = centre_of(grid, int(rng.choice(starts)))
+            # no wider than the passage, whose disc around a reached cell is free: else it would count across thin walls
+            counted = ~obstacles & (away <= min(COUNTED_WITHIN, passage))
+            return cls(grid, obstacles, counted, (x, y, float(rng.uniform(-np.pi, np.pi))))
+        raise RequestError(
+            f"no {scenario.scene} world of {scenario.size:g} m with a passage of {passage:g} m to every place was "
+            f"found in {MAX_DRAWS} draws; lower passage or enlarge size."
+        )
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values from which `from_facts` makes the same world, some kilobytes."""
+        return {
+            "obstacles": _packed(self.obstacles),
+            "counted": _packed(self.counted),
+            "start": list(self.start),
+        }
+
+    @classmethod
+    def from_facts(cls, facts: dict[str, Any], scenario: LidarScenario) -> Self:
+        """World that a record tells of."""
+        grid = scenario.truth_grid
+        x, y, heading = facts["start"]
+        return cls(grid, _unpacked(facts["obstacles"], grid), _unpacked(facts["counted"], grid), (x, y, heading))
+
+
+def clearance_of(obstacles: NDArray[np.bool_], resolution: float) -> Array:
+    """Distance [m] from each cell's centre to that of the nearest obstacle, shape (rows, columns).
+
+    What lies beyond the grid is an obstacle.
+    """
+    free = np.pad(~obstacles, 1)
+    distance: Array = ndimage.distance_transform_edt(free)[1:-1, 1:-1]
+    return distance * resolution
+
+
+def _connected(wide: NDArray[np.bool_], most_lost: float) -> NDArray[np.bool_] | None:
+    """The largest region of joined cells; None where there is none, or another of more than `most_lost` cells."""
+    labels, _ = ndimage.label(wide)
+    sizes = np.bincount(labels.reshape(-1))
+    sizes[0] = 0
+    label = int(sizes.argmax())
+    if not sizes[label] or (np.delete(sizes, label) > most_lost).any():
+        return None
+    return np.asarray(labels == label)
+
+
+def _gaps(away: NDArray[np.bool_], fits: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Cells of the gaps into which the robot fits, but cannot be brought with the passage's clearance.
+
+    A gap is free cells joined to each other that are all farther `away` from every place that is reached than the
+    passage is wide to one side: filling it in takes clearance from none of these. The corners of a room are away as
+    well, but too narrow for the robot.
+    """
+    labels, count = ndimage.label(away)
+    holds = np.zeros(count + 1, dtype=bool)
+    holds[labels[fits]] = True
+    holds[0] = False
+    return np.asarray(holds[labels])
+
+
+def _packed(cells: NDArray[np.bool_]) -> str:
+    return base64.b64encode(zlib.compress(np.packbits(cells).tobytes(), 9)).decode()
+
+
+def _unpacked(text: str, grid: Grid) -> NDArray[np.bool_]:
+    packed = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8)
+    return np.unpackbits(packed, count=grid.cells).astype(bool).reshape(grid.shape)
