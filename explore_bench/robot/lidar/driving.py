@@ -15,7 +15,9 @@ from explore_bench.world.lidar.scenario import LidarScenario
 Velocity = tuple[float, float]
 """Speeds: forward [m/s], turning [rad/s]."""
 
-TOLERANCE = 0.02  # what a drive may be nearer to a wall than the path that it follows [m] (ours)
+SLACK = (
+    0.01  # what a drive may be nearer to a wall than what is in sight, so that a line in sight can be driven [m] (ours)
+)
 ALIGNED = 0.02  # heading error at which a turn in place has done its work [rad] (ours)
 
 
@@ -27,7 +29,8 @@ class Limits(NamedTuple):
     max_speed, max_turn_rate : bounds of the speeds [m/s, rad/s].
     acceleration, turn_acceleration : bounds of their change [m/s², rad/s²].
     tick : seconds of a command.
-    least : clearance [m] below which no command leads and no straight line counts as in sight.
+    sight : clearance [m] of a straight line that counts as in sight.
+    least : clearance [m] below which no command leads.
     """
 
     max_speed: float
@@ -35,18 +38,20 @@ class Limits(NamedTuple):
     acceleration: float
     turn_acceleration: float
     tick: float
+    sight: float
     least: float
 
     @classmethod
     def of(cls, scenario: LidarScenario) -> Limits:
-        """Return the limits of a scenario; `least` grants that a wall may be anywhere in its cell."""
+        """Return the limits of a scenario."""
         return cls(
             scenario.max_speed,
             scenario.max_turn_rate,
             scenario.acceleration,
             scenario.turn_acceleration,
             scenario.tick,
-            scenario.lethal_radius - TOLERANCE,
+            scenario.lethal_radius,
+            scenario.lethal_radius - SLACK,
         )
 
 
@@ -152,8 +157,8 @@ def look_ahead(limits: Limits, pose: Pose, path: Array, reach: float, clearance:
         if length > reach + 1e-9:
             break
         farthest += 1
-    least = least_allowed(limits, pose, clearance, grid)
-    while farthest > nearest + 1 and not in_sight(pose, path[farthest, 0], path[farthest, 1], least, clearance, grid):
+    sight = min(limits.sight, clearance_at(clearance, grid, pose[0], pose[1]))
+    while farthest > nearest and not in_sight(pose, path[farthest, 0], path[farthest, 1], sight, clearance, grid):
         farthest -= 1
     return nearest, min(max(farthest, nearest + 1), goal)
 

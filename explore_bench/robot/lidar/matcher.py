@@ -20,11 +20,17 @@ from explore_bench.geometry import TAU, Array, Grid, Pose, wrap_angle
 Field = NDArray[np.float32]
 Cells = NDArray[np.int64]
 
-FIELD_RESOLUTION = 0.05
-"""Edge of a cell of the field [m]."""
+FIELD_RESOLUTION = 0.025
+"""Edge of a cell of the field [m]: half of SMEAR, for at as much the top of a response is drawn to the cells' centres."""
+
+STRIDE = 2
+"""Cells of the field between two samples of a search."""
 
 SMEAR = 0.05
 """σ of the Gaussian around every surface point [m]."""
+
+SAME = 0.98
+"""Where the field has this value a surface was written already, within a centimetre: most points of a window."""
 
 POINT_SPACING = 0.08
 """Surface points between two neighbouring hits are at most this far apart [m]: hits 10 m away are 17 cm apart, and a
@@ -33,13 +39,13 @@ scan would lock onto them like onto beads."""
 LONGEST_GAP = 0.5
 """Two hits farther apart are not of one surface [m]."""
 
-WEIGHT = 100.0
+WEIGHT = 500.0
 """What a response of 1 weighs in the logarithm of the likelihood: as many points of a scan as tell of their own."""
 
 SHARPNESS = 200.0
 """Samples of the response weigh exp(SHARPNESS · difference to the best) in its covariance."""
 
-FLOOR = 0.006, 0.0015
+FLOOR = 0.003, 0.0008
 """Least standard deviations of a match [m, rad]: the lattice resolves no finer ones."""
 
 OPEN = 0.5
@@ -192,6 +198,8 @@ def smear(
             column, row = int(math.floor(u)), int(math.floor(v))
             if not (_HALF <= row < grid.rows - _HALF and _HALF <= column < grid.columns - _HALF):
                 continue
+            if field[row, column] > SAME:
+                continue
             along, up = _KERNEL[int((u - column) * _LEVELS)], _KERNEL[int((v - row) * _LEVELS)]
             for i in range(2 * _HALF + 1):
                 for j in range(2 * _HALF + 1):
@@ -228,27 +236,27 @@ def search(
     hits : points of the scan in the robot's frame, shape (H, 2).
     information : inverse covariance of the prediction in the world's axes, shape (3, 3); 0 where nothing is known.
     """
-    steps = int(round(window.reach / grid.resolution))
+    steps = int(round(window.reach / (STRIDE * grid.resolution)))
     turns = int(round(window.turn / window.turn_step))
     samples = np.zeros((2 * turns + 1, 2 * steps + 1, 2 * steps + 1))
     best, best_pose = -np.inf, prediction
     rows, columns = np.empty(hits.shape[0], dtype=np.int64), np.empty(hits.shape[0], dtype=np.int64)
     for a in range(2 * turns + 1):
         turn = (a - turns) * window.turn_step
-        kept = _cells_at(hits, prediction, turn, steps, rows, columns, grid)
+        kept = _cells_at(hits, prediction, turn, steps * STRIDE, rows, columns, grid)
         for i in range(2 * steps + 1):
             for j in range(2 * steps + 1):
                 total = 0.0
                 for k in range(kept):
-                    total += field[rows[k] + i - steps, columns[k] + j - steps]
+                    total += field[rows[k] + STRIDE * (i - steps), columns[k] + STRIDE * (j - steps)]
                 samples[a, i, j] = total / max(hits.shape[0], 1)
-                dx, dy = (j - steps) * grid.resolution, (i - steps) * grid.resolution
+                dx, dy = (j - steps) * STRIDE * grid.resolution, (i - steps) * STRIDE * grid.resolution
                 value = WEIGHT * samples[a, i, j] - 0.5 * _squared(dx, dy, turn, information)
                 if value > best:
                     best = value
                     best_pose = (prediction[0] + dx, prediction[1] + dy, prediction[2] + turn)
     pose = _climb(hits, best_pose, prediction, information, window, field, grid)
-    covariance = _spread(samples, pose, prediction, window, grid.resolution)
+    covariance = _spread(samples, pose, prediction, window, STRIDE * grid.resolution)
     return (pose[0], pose[1], wrap_angle(pose[2])), response(pose, hits, field, grid), covariance
 
 
@@ -287,7 +295,7 @@ def _climb(
     best = WEIGHT * response(start, hits, field, grid) - 0.5 * _squared(
         start[0] - prediction[0], start[1] - prediction[1], start[2] - prediction[2], information
     )
-    step, turn = 0.5 * grid.resolution, 0.5 * window.turn_step
+    step, turn = 0.5 * STRIDE * grid.resolution, 0.5 * window.turn_step
     while step > FINEST[0] or turn > FINEST[1]:
         moved = False
         for axis in range(3):

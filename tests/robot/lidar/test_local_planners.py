@@ -1,4 +1,4 @@
-"""Both local planners drive the true robot, perfectly localized, on maps of a few walls: they arrive and never touch."""
+"""Both local planners drive the true robot on maps of a few walls, perfectly localized: they arrive and never touch."""
 
 import math
 from typing import NamedTuple
@@ -73,6 +73,14 @@ def lanes(offset):
     )
 
 
+OPEN = room_of((), (3.0, 3.0, 0.0))
+STRAIGHT = np.stack((np.arange(3.0, 5.0, 0.1), np.full(20, 3.0)), axis=1)
+LIMITS = Limits.of(SCENARIO)
+
+
+# Closed loop
+
+
 @both
 @pytest.mark.parametrize("offset", [0.0, 0.05])
 def test_round_a_corner_with_the_clearance_that_a_world_grants(planner, offset):
@@ -115,7 +123,7 @@ def test_a_goal_behind_is_turned_to_within_a_lane(planner):
 
 @both
 def test_pillars_are_passed_whatever_their_places(planner):
-    """Ten rooms of pillars, crossed along the shortest path, with a speed that is worth driving."""
+    """Ten rooms of pillars, crossed along the shortest path, at more than half of the full speed."""
     rng = np.random.default_rng(3)
     for _ in range(10):
         corners = rng.integers(24, 88, (8, 2)) * 0.05
@@ -124,7 +132,7 @@ def test_pillars_are_passed_whatever_their_places(planner):
         vehicle, _, seconds = drive(planner, room, path)
         assert vehicle.collisions == 0
         assert math.dist(vehicle.pose[:2], path[-1]) <= TOLERANCE
-        assert vehicle.length / seconds > 0.6 * SCENARIO.max_speed
+        assert vehicle.length / seconds > 0.5 * SCENARIO.max_speed
 
 
 @both
@@ -157,11 +165,12 @@ def test_a_wall_seen_late_is_braked_for(planner):
 
 
 @both
-def test_a_robot_too_near_to_a_believed_wall_drives_away_from_it(planner):
+@pytest.mark.parametrize("heading", [0.0, 1.5, math.pi])
+def test_a_robot_too_near_to_a_believed_wall_drives_away_from_it(planner, heading):
     """After a correction of the map the robot may stand where no path would go."""
-    room = room_of((), (0.3, 3.0, 0.0))
-    path = np.stack((np.arange(0.3, 3.0, 0.1), np.full(27, 3.0)), axis=1)
-    assert clearance_at(room.believed, room.map_grid, 0.3, 3.0) < Limits.of(SCENARIO).least
+    room = room_of((), (0.225, 3.0, heading))
+    path = np.stack((np.arange(0.225, 3.0, 0.1), np.full(28, 3.0)), axis=1)
+    assert clearance_at(room.believed, room.map_grid, 0.225, 3.0) < LIMITS.least
     vehicle, _, _ = drive(planner, room, path)
     assert math.dist(vehicle.pose[:2], path[-1]) <= TOLERANCE
 
@@ -169,13 +178,9 @@ def test_a_robot_too_near_to_a_believed_wall_drives_away_from_it(planner):
 # What they share
 
 
-OPEN = room_of((), (3.0, 3.0, 0.0))
-STRAIGHT = np.stack((np.arange(3.0, 5.0, 0.1), np.full(20, 3.0)), axis=1)
-LIMITS = Limits.of(SCENARIO)
-
-
 def test_a_scenario_names_its_planner():
-    assert PLANNERS == {"pursuit": Pursuit.of(SCENARIO), "dwa": DynamicWindow.of(SCENARIO)}
+    assert isinstance(PLANNERS["pursuit"], Pursuit)
+    assert isinstance(PLANNERS["dwa"], DynamicWindow)
 
 
 @both
@@ -196,7 +201,7 @@ def test_the_look_ahead_ends_at_a_corner_and_goes_on_once_it_is_turned():
     _, later = look_ahead(LIMITS, (*path[ahead], math.pi / 2), path, 2.0, room.believed, room.map_grid)
     assert later > ahead
     _, far = look_ahead(LIMITS, (3.0, 3.0, 0.0), STRAIGHT, 0.6, OPEN.believed, OPEN.map_grid)
-    assert path.shape[1] == 2 and far == 6, "six tenths of a metre along the path"
+    assert far == 6, "six tenths of a metre along the path"
 
 
 def test_what_is_foreseen_of_a_command_is_what_the_vehicle_does():
@@ -230,6 +235,11 @@ def test_a_turn_in_place_ends_where_it_shall(angle):
     assert vehicle.pose[2] == pytest.approx(angle, abs=0.02)
     assert vehicle.pose[:2] == (3.0, 3.0)
     assert beyond < 0.02
+
+
+def test_who_rolls_brakes_on_the_arc_that_it_is_on_before_it_turns():
+    assert turn_in_place(LIMITS, (0.5, 0.4), -1.0) == pytest.approx((0.0, 0.2))
+    assert turn_in_place(LIMITS, (0.25, 0.4), -1.0) == (0.0, -1.0)
 
 
 # What each decides
