@@ -8,6 +8,7 @@ from typing import Any
 
 from explore_bench.errors import RequestError, unknown
 from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.maps import gallery, with_map
 from explore_bench.world.scenario import Scenario
 
@@ -27,12 +28,15 @@ CHEN_2020 = LandmarkScenario(
     fusion="determinant",
 )
 
+STAGE = LidarScenario()
+
 SCENARIOS: dict[str, tuple[Scenario, str]] = {
     "paper": (PAPER, "Zhang et al. 2021, §4.1; what it leaves out is calibrated against its Table 2"),
     "chen2020": (
         CHEN_2020,
         "Chen et al. 2020 [8]: 40 m, 6 m range, 8 landmarks, no obstacles, 2 m steps, 85 %",
     ),
+    "stage": (STAGE, "Zhang et al. 2021, §4.2 end: 20 m of dense obstacles, wheels, a lidar of 10 m, SLAM by scans"),
 }
 
 

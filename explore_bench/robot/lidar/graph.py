@@ -19,6 +19,7 @@ from explore_bench.robot.lidar.slam import (
     KEY_DISTANCE,
     KEY_TURN,
     LINK_SPACING,
+    LOOP_SPACING,
     WINDOW,
     anchor_of,
     odometry_covariance,
@@ -127,7 +128,7 @@ class LidarGraph:
             graph.add_pose(_pose(pose))
         for link in (*self.links, *links):
             graph.add_link(link)
-        return LidarPrediction(belief, self, poses, closures, graph.covariances())
+        return LidarPrediction(belief, self, poses, closures, graph.covariances()[0])
 
     def leaps(self, scenario: LidarScenario) -> NDArray[np.float32]:
         """How far a ray goes on from each cell of the fine map without meeting what is believed to be a wall [m]."""
@@ -161,7 +162,7 @@ class LidarGraph:
             add(newest - 1, newest, odometry_covariance(scenario, motion, length, turned))
             add(anchor_of(newest), newest, EXPECTED)
             for chain in chains(trajectory[: newest + 1], joined, max(newest - WINDOW, 0)):
-                if newest - last[chain.linked] >= LINK_SPACING:
+                if newest - last[chain.linked] >= (LINK_SPACING if chain.linked else LOOP_SPACING):
                     last[chain.linked] = newest
                     closures += not chain.linked
                     add(chain.closest, newest, EXPECTED, not chain.linked)

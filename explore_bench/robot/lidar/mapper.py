@@ -37,16 +37,18 @@ class Mapper:
         self._patches = [self._patch(scan)]
         self._fuse(0)
 
-    def update(self, motion: Pose, length: float, turned: float, scan: RangeScan) -> bool:
+    def update(self, motion: Pose, length: float, turned: float, scan: RangeScan) -> float:
         """Take in a key pose; see `Slam.update`."""
-        moved = self.slam.update(motion, length, turned, scan)
+        refreshed = self.slam.refreshed
+        shift = self.slam.update(motion, length, turned, scan)
         self._patches.append(self._patch(scan))
-        if moved:
+        anew = self.slam.refreshed > refreshed
+        if anew:
             self.virtual_map.clear()
             self.peak_traces = (0.0, 0.0)
-        self._fuse(0 if moved else len(self._patches) - 1)
+        self._fuse(0 if anew else len(self._patches) - 1)
         self._lap("virtual map")
-        return moved
+        return shift
 
     def belief(self) -> Belief:
         """Freeze what is known; later updates leave it untouched."""

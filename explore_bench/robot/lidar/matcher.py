@@ -21,7 +21,7 @@ Field = NDArray[np.float32]
 Cells = NDArray[np.int64]
 
 FIELD_RESOLUTION = 0.025
-"""Edge of a cell of the field [m]: half of SMEAR, for at as much the top of a response is drawn to the cells' centres."""
+"""Edge of a cell of the field [m]: half of SMEAR; as large as it, cells draw the top of a response to them."""
 
 STRIDE = 2
 """Cells of the field between two samples of a search."""

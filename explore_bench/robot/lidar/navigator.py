@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from explore_bench.geometry import Array, Pose
+from explore_bench.compiled import jit
+from explore_bench.geometry import Array, Grid, Pose, cell_of, centre_of
 from explore_bench.robot.lidar.frontiers import Frontier, frontier_mask, frontiers
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.terrain import Terrain, Ways, length_of
@@ -125,21 +126,28 @@ class Navigator:
             positions=grid.centres(np.array([frontier.middle for frontier in chosen])),
             frontiers=chosen,
             routes=routes,
-            paths=tuple(self._coarse(route, cell) for route, cell in zip(routes, cells.tolist(), strict=True)),
+            paths=tuple(
+                along(route, cell, grid, decisions) for route, cell in zip(routes, cells.tolist(), strict=True)
+            ),
             lengths=np.array([length_of(route, grid.columns, grid.resolution) for route in routes]),
             roads=Roads(grid, ways.free.copy(), ways.start),
         )
 
-    def _coarse(self, route: NDArray[np.int64], last: int) -> NDArray[np.int64]:
-        """Cells of the decision grid along a route, ending in a given one."""
-        decisions = self._scenario.grid
-        places = self._map.grid.centres(route)
-        cells = np.append(
-            (places[:, 1] // decisions.resolution).astype(np.int64) * decisions.columns
-            + (places[:, 0] // decisions.resolution).astype(np.int64),
-            last,
-        )
-        return cells[np.concatenate(([True], cells[1:] != cells[:-1]))]
+
+@jit
+def along(route: NDArray[np.int64], last: int, grid: Grid, decisions: Grid) -> NDArray[np.int64]:
+    """Cells of the decision grid along a route of cells of the map, each once in a row, ending in a given one."""
+    cells = np.empty(route.shape[0] + 1, dtype=np.int64)
+    count = 0
+    for k in range(route.shape[0] + 1):
+        cell = last
+        if k < route.shape[0]:
+            x, y = centre_of(grid, route[k])
+            cell = cell_of(decisions, x, y)
+        if count == 0 or cells[count - 1] != cell:
+            cells[count] = cell
+            count += 1
+    return cells[:count].copy()
 
 
 def seconds_for(length: float) -> float:

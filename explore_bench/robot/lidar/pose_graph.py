@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import gtsam
@@ -62,17 +63,20 @@ class PoseGraph:
         self._values = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values).optimize()
         return np.asarray(gtsam.utilities.extractPose2(self._values))
 
-    def covariances(self, first: int = 0) -> Array:
-        """Marginal of each pose from `first` on, in the world frame, shape (N − first, 3, 3)."""
+    def covariances(self, together: Sequence[int] = ()) -> tuple[Array, Array]:
+        """Marginal of each pose in the world frame, shape (N, 3, 3), and the joint one of some.
+
+        The joint covariance of K poses, ascending, has the shape (3K, 3K) and is in each pose's own frame.
+        """
         marginals = gtsam.Marginals(self._graph, self._values)
-        result = np.empty((self._count - first, 3, 3))
-        for number in range(first, self._count):
-            result[number - first] = marginals.marginalCovariance(number)
-        headings = np.array([self._values.atPose2(number).theta() for number in range(first, self._count)])
-        turn = np.zeros_like(result)
-        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(headings)
-        turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(headings), -np.sin(headings), 1.0
-        return np.asarray(turn @ result @ turn.transpose(0, 2, 1))
+        own = np.array([marginals.marginalCovariance(number) for number in range(self._count)])
+        poses = gtsam.utilities.extractPose2(self._values)
+        turn = np.zeros_like(own)
+        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(poses[:, 2])
+        turn[:, 1, 0] = np.sin(poses[:, 2])
+        turn[:, 0, 1], turn[:, 2, 2] = -turn[:, 1, 0], 1.0
+        joint = marginals.jointMarginalCovariance(list(together)).fullMatrix() if together else np.empty((0, 0))
+        return np.asarray(turn @ own @ turn.transpose(0, 2, 1)), joint
 
 
 def _sigmas(values: tuple[float, ...]) -> gtsam.noiseModel.Diagonal:

@@ -14,6 +14,7 @@ import numpy as np
 
 from explore_bench.geometry import Array, Pose, between, compose
 from explore_bench.robot.lidar.closures import chains
+from explore_bench.robot.lidar.filtering import TailFilter, rotated
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match, Matcher, Surfaces, surfaces_of
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
@@ -24,11 +25,11 @@ from explore_bench.world.signals import RangeScan
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """Motion after which a scan is taken in [m, rad] (slam_toolbox)."""
 
-WINDOW = 20
-"""Key poses against which a scan is matched: those before it."""
+WINDOW = 70
+"""Key poses against which a scan is matched: those before it (Karto). Shorter windows drift: docs/stage.md."""
 
-ANCHOR_SPACING = 10
-"""Key poses between two anchors: that of a pose is 10 to 19 before it, always in its window."""
+ANCHOR_SPACING = 30
+"""Key poses between two anchors: that of a pose is 30 to 59 before it, about the middle of its window."""
 
 LEAST_RESPONSE = 0.3
 """A match of less tells nothing, and odometry stands alone."""
@@ -39,8 +40,12 @@ LINK_RESPONSE, LOOP_RESPONSE = 0.65, 0.65
 LOOP_SIGMA, LOOP_CORRECTION = 0.1, 0.5
 """A loop is closed only where the match is sure to this [m], and moves the robot by no more than that [m]."""
 
-LINK_SPACING = 4
-"""Key poses between two links to earlier chains: the next one would say the same."""
+LOOP_SPACING, LINK_SPACING = 4, 10
+"""Key poses between two closures, and between two links to chains that are linked: the next would say the same."""
+
+REFRESH, REFRESH_SHARE = 10, 0.1
+"""All marginals are computed anew after so many key poses, or when so many more as a share of all have been added: what
+later ones tell of a pose is little, and computing it costs a tenth of a millisecond a pose."""
 
 
 class Slam:
@@ -49,12 +54,12 @@ class Slam:
     Attributes
     ----------
     poses : estimates of the key poses, shape (N, 3).
-    covariances : marginal of each in the world frame, shape (N, 3, 3).
+    covariances : marginal of each in the world frame, shape (N, 3, 3); between two refreshes a pose keeps what it had.
     links : all that is known of one key pose in the frame of another.
     closures : those of them that closed a loop.
     map : of all scans, each placed by the estimate of its pose.
     unmatched : scans in a row that matched nothing.
-    rewritten : how often the past was moved, by a closure or a link.
+    refreshed : how often the marginals of all key poses were computed anew.
     """
 
     def __init__(self, scenario: LidarScenario, start: Pose, scan: RangeScan, lap: Lap = no_lap) -> None:
@@ -63,16 +68,17 @@ class Slam:
         self._matcher = Matcher(scenario.sensor_range)
         self.map = GridMap(scenario)
         self.poses: Array = np.array([start])
-        self.covariances: Array = self._graph.covariances()
+        self.covariances: Array
         self.links: list[Link] = []
         self._joined: list[list[int]] = [[]]
         self._linked_at = self._closed_at = 0
         self.closures: list[Link] = []
-        self.unmatched = self.rewritten = 0
+        self.unmatched = self.refreshed = 0
         self._frames: list[Surfaces] = []
         self._ranges: list[Array] = []
         self._placed: list[Pose] = []
         self._keep(scan, start)
+        self._restart()
 
     @property
     def pose(self) -> Pose:
@@ -80,8 +86,8 @@ class Slam:
         x, y, heading = self.poses[-1].tolist()
         return x, y, heading
 
-    def update(self, motion: Pose, length: float, turned: float, scan: RangeScan) -> bool:
-        """Take in a key pose; returns whether earlier poses moved.
+    def update(self, motion: Pose, length: float, turned: float, scan: RangeScan) -> float:
+        """Take in a key pose; returns how far a link to the past moved the key pose that it moved farthest [m].
 
         Parameters
         ----------
@@ -97,7 +103,7 @@ class Slam:
         match = self._matcher.match(
             surfaces.hits,
             prediction,
-            np.asarray(np.linalg.inv(turned_back(noise, -prediction[2])), dtype=float),
+            np.asarray(np.linalg.inv(rotated(noise, prediction[2])), dtype=float),
             self._frames[first:],
             self.poses[first:],
         )
@@ -112,20 +118,29 @@ class Slam:
         if found:
             self._link_match(anchor_of(newest), match)
         self._keep(scan, pose, surfaces)
-        moved = found and self._look_back(first)
-        self.covariances = (
-            self._graph.covariances() if moved else np.concatenate((self.covariances, self._graph.covariances(newest)))
-        )
+        self._tail.advance(between(last, pose), noise)
+        if found:
+            self._tail.measure(anchor_of(newest), self.links[-1].motion, self.links[-1].covariance)
+        shift = self._look_back(first) if found else 0.0
+        if shift > 0.0 or newest - self._refreshed_at >= max(REFRESH, REFRESH_SHARE * newest):
+            self._restart()
+        else:
+            self._tail.keep(_ties(newest + 1))
+            self.covariances = np.concatenate((self.covariances, [self._tail.newest(pose[2])]))
         self._lap("covariances")
-        if moved:
+        if shift > 0.0:
             self._replace()
             self._lap("map")
-        return moved
+        return shift
 
-    def refresh(self) -> None:
-        """Compute the marginals of all key poses anew: those of the past grow a little smaller with every step."""
-        self.covariances = self._graph.covariances()
-        self._lap("covariances")
+    def _restart(self) -> None:
+        """Compute the marginals of all key poses anew, and begin the filter from them."""
+        newest = len(self.poses) - 1
+        ties = sorted({*_ties(newest + 1), newest})
+        self.covariances, joint = self._graph.covariances(ties)
+        self._tail = TailFilter(ties, joint)
+        self.refreshed += 1
+        self._refreshed_at = newest
 
     def _keep(self, scan: RangeScan, pose: Pose, surfaces: Surfaces | None = None) -> None:
         self._frames.append(surfaces or surfaces_of(scan.ranges, self.scenario.sensor_range))
@@ -145,16 +160,17 @@ class Slam:
         x, y, heading = self.poses[earlier].tolist()
         motion = between((x, y, heading), match.pose)
         newest = len(self.poses) - 1
-        link = Link(earlier, newest, motion, turned_back(match.covariance, match.pose[2]), robust)
+        link = Link(earlier, newest, motion, rotated(match.covariance, -match.pose[2]), robust)
         self._link(link)
         return link
 
-    def _look_back(self, window_start: int) -> bool:
-        """Match the newest scan with what earlier key poses saw near by; returns whether the past was moved."""
+    def _look_back(self, window_start: int) -> float:
+        """Match the newest scan with what earlier key poses saw near by; returns the largest move of a key pose [m]."""
         newest = len(self.poses) - 1
-        moved = False
+        shift = 0.0
         for chain in chains(self.poses, self._joined, window_start):
-            if newest - (self._linked_at if chain.linked else self._closed_at) < LINK_SPACING:
+            since, spacing = (self._linked_at, LINK_SPACING) if chain.linked else (self._closed_at, LOOP_SPACING)
+            if newest - since < spacing:
                 continue
             pose = self.pose
             match = self._matcher.match(
@@ -177,11 +193,10 @@ class Slam:
             else:
                 self._closed_at = newest
                 self.closures.append(link)
-            self.poses = self._graph.optimize()
-            moved = True
+            before, self.poses = self.poses, self._graph.optimize()
+            shift = max(shift, float(np.hypot(*(self.poses - before)[:, :2].T).max()), 1e-12)
         self._lap("loops")
-        self.rewritten += moved
-        return moved
+        return shift
 
     def _replace(self) -> None:
         """Trace the scans anew whose pose moved by more than half a cell of the map."""
@@ -200,6 +215,12 @@ def anchor_of(number: int) -> int:
     return max((number // ANCHOR_SPACING - 1) * ANCHOR_SPACING, 0)
 
 
+def _ties(number: int) -> list[int]:
+    """Poses but the last to which key pose `number`, and those after it, will be linked."""
+    anchor = anchor_of(number)
+    return [pose for pose in (anchor, anchor + ANCHOR_SPACING) if pose < number]
+
+
 def odometry_covariance(scenario: LidarScenario, motion: Pose, length: float, turned: float) -> Array:
     """Covariance of a motion that odometry measured, in the frame after it, shape (3, 3): its bias and white noise."""
     bias, heading_bias = scenario.odometry_bias / math.sqrt(12.0), scenario.heading_bias / math.sqrt(12.0)
@@ -211,10 +232,3 @@ def odometry_covariance(scenario: LidarScenario, motion: Pose, length: float, tu
             (heading_bias * motion[2]) ** 2 + scenario.heading_noise**2 * (length + turned) + 1e-8,
         )
     )
-
-
-def turned_back(covariance: Array, angle: float) -> Array:
-    """Covariance of a pose's error, shape (3, 3), in axes that are turned by an angle [rad]."""
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(turn @ covariance @ turn.T)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid
-from explore_bench.robot.planning.astar import SQRT2, may_step, trace_path
-from explore_bench.robot.planning.heap import push, sift_down
+from explore_bench.robot.planning.astar import SQRT2, trace_path
 
 SOFT_RADIUS = 0.6
 """Clearance [m] from which on a way costs no more than its length."""
@@ -98,38 +97,56 @@ def clearance_of(occupied: NDArray[np.bool_], resolution: float, most: float) ->
 
 @jit
 def spread(free: NDArray[np.bool_], price: Array, start: int) -> tuple[Array, NDArray[np.int64]]:
-    """Cost and parent of every cell by Dijkstra's search, shape (rows · columns,).
+    """Cost and parent of every cell, shape (rows · columns,), of the cheapest ways from the start; none cuts a corner.
 
-    A step costs its length in cells times the mean price of its two cells, arrays of shape (rows, columns).
+    A step costs its length in cells times the mean price of its two cells, arrays of shape (rows, columns). The search
+    is Dijkstra's with a ring of buckets for a queue, each as wide as the cheapest step: of the cells in one bucket none
+    can make another cheaper, so they may come in any order.
     """
-    columns, cells = free.shape[1], free.size
+    rows, columns = free.shape
+    cells = free.size
     prices = price.reshape(-1)
+    width = prices.min()
+    ring = int(SQRT2 * prices.max() / width) + 2
     cost = np.full(cells, np.inf)
     parent = np.full(cells, -1, dtype=np.int64)
     closed = np.zeros(cells, dtype=np.bool_)
-    heap_key = np.empty(8 * cells + 1)
-    heap_cell = np.empty(8 * cells + 1, dtype=np.int64)
+    # buckets are chains of entries: the first of each, and after each entry the next
+    first = np.full(ring, -1, dtype=np.int64)
+    following = np.empty(8 * cells + 1, dtype=np.int64)
+    held = np.empty(8 * cells + 1, dtype=np.int64)
     cost[start] = 0.0
-    heap_key[0], heap_cell[0] = 0.0, start
-    size = 1
-    while size > 0:
-        cell = heap_cell[0]
-        size -= 1
-        sift_down(heap_key, heap_cell, size)
+    held[0], following[0], first[0] = start, -1, 0
+    entries, waiting, bucket = 1, 1, 0
+    while waiting > 0:
+        while first[bucket % ring] < 0:
+            bucket += 1
+        entry = first[bucket % ring]
+        first[bucket % ring] = following[entry]
+        waiting -= 1
+        cell = held[entry]
         if closed[cell]:
             continue
         closed[cell] = True
-        for direction in range(8):
-            neighbour = may_step(free, cell // columns, cell % columns, direction, start)
-            if neighbour < 0 or closed[neighbour]:
+        row, column = cell // columns, cell % columns
+        for i in range(-1, 2):
+            if not 0 <= row + i < rows:
                 continue
-            length = 1.0 if direction < 4 else SQRT2
-            through = cost[cell] + 0.5 * length * (prices[cell] + prices[neighbour])
-            if through < cost[neighbour] - 1e-12:
-                cost[neighbour] = through
-                parent[neighbour] = cell
-                push(heap_key, heap_cell, size, through, neighbour)
-                size += 1
+            for j in range(-1, 2):
+                if not 0 <= column + j < columns or not free[row + i, column + j]:
+                    continue
+                neighbour = cell + i * columns + j
+                if closed[neighbour] or (i != 0 and j != 0 and not (free[row + i, column] and free[row, column + j])):
+                    continue
+                length = SQRT2 if i != 0 and j != 0 else 1.0
+                through = cost[cell] + 0.5 * length * (prices[cell] + prices[neighbour])
+                if through < cost[neighbour] - 1e-12:
+                    cost[neighbour] = through
+                    parent[neighbour] = cell
+                    place = int(through / width) % ring
+                    held[entries], following[entries], first[place] = neighbour, first[place], entries
+                    entries += 1
+                    waiting += 1
     return cost, parent
 
 

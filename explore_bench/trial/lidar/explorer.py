@@ -39,6 +39,9 @@ STALL_SECONDS, STALL_DISTANCE = 10.0, 0.3
 JUMP = 0.25
 """A loop closure that moves the robot farther than this ends its drive [m]; a lesser one only mends the route."""
 
+RELEASE_SHIFT = 0.1
+"""A link that moves a key pose farther than this brings withheld frontiers back [m]: they may be others now."""
+
 CLOSURE_DISTANCE, CLOSURE_TURN = 0.3, math.radians(3.0)
 """A closure is true where its relative pose is this near to the true one [m, rad]."""
 
@@ -212,7 +215,7 @@ class LidarExplorer:
                 if self._since[1] < KEY_DISTANCE and self._since[2] < KEY_TURN:
                     continue
             before = self.pose
-            moved = self._take()
+            shift = self._take()
             yield self.row()
             self._patience.visit(self._own_cell)
             if given_up or self.status() is not None:
@@ -220,12 +223,12 @@ class LidarExplorer:
             navigator.look()
             if frontier is not None and navigator.resolved(frontier):
                 return
-            if moved:
-                now = self.pose
+            if shift > RELEASE_SHIFT:
                 navigator.release()
-                if math.hypot(now[0] - before[0], now[1] - before[1]) > JUMP:
-                    return
-            if moved or navigator.blocked(route):
+            now = self.pose
+            if shift > 0.0 and math.hypot(now[0] - before[0], now[1] - before[1]) > JUMP:
+                return
+            if shift > 0.5 * grid.resolution or navigator.blocked(route):
                 ways = navigator.ways(self.pose)
                 if not math.isfinite(ways.cost[goal]):
                     return
@@ -239,16 +242,16 @@ class LidarExplorer:
         so_far, length, turned = self._since
         self._since = compose(so_far, motion), length + math.hypot(motion[0], motion[1]), turned + abs(motion[2])
 
-    def _take(self) -> bool:
-        """Take a scan in as a key pose; returns whether the past was moved."""
+    def _take(self) -> float:
+        """Take a scan in as a key pose; returns how far it moved the past [m], see `Slam.update`."""
         self._lap("driver")
         self.steps += 1
         scan = self._lidar.scan(self._vehicle.pose)
         self._lap("world")
         self._true_keys.append(self._vehicle.pose)
-        moved = self.mapper.update(*self._since, scan)
+        shift = self.mapper.update(*self._since, scan)
         self._since = ((0.0, 0.0, 0.0), 0.0, 0.0)
-        return moved
+        return shift
 
     def _judge(self) -> None:
         """Compare new closures with the truth."""

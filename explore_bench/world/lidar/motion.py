@@ -143,10 +143,8 @@ def _tick(
     length, turn = v * wheels.tick, w * wheels.tick
     motion = _arc(length, turn)
     after = compose(pose, motion)
-    room, room_after = (
-        _clearance_at(clearance, grid, pose[0], pose[1]),
-        _clearance_at(clearance, grid, after[0], after[1]),
-    )
+    room = _clearance_at(clearance, grid, pose[0], pose[1])
+    room_after = _clearance_at(clearance, grid, after[0], after[1])
     blocked = room_after < wheels.touch and room_after < room  # one that was put too near may leave
     if blocked:
         v = length = 0.0
