@@ -1,8 +1,9 @@
 """A reference that knows the truth: how fast could anyone explore this world? Never a competitor.
 
-It plans without noise on the true map, by beam search over decisions among the same kind of candidates as everyone
-(5 nearest to the robot, 3 nearest to each landmark seen), until the map is covered, and replans at each decision.
-A beam is no exhaustive search, so its time is an upper bound of the best one and a regret to it may be negative.
+It plans without noise on the true map, in the steps that the driver takes, by beam search over decisions among the
+same kind of candidates as everyone (5 nearest to the robot, 3 nearest to each landmark seen), until the map is
+covered, and replans at each decision. A beam is no exhaustive search, so its time is an upper bound of the best one
+and a regret to it may be negative.
 """
 
 from __future__ import annotations
@@ -15,20 +16,22 @@ from numpy.typing import NDArray
 
 from explore_bench import (
     Array,
+    Driver,
     Grid,
     LandmarkScenario,
     Observation,
     Pose,
+    RequestError,
     Scenario,
     World,
     cell_of,
     cells_of,
     centre_of,
+    drive_to,
     frontier_cells,
     jit,
     search_grid,
     trace_path,
-    wrap_angle,
 )
 
 BEAM = 24
@@ -55,7 +58,8 @@ class Clairvoyant:
     def choose(self, observation: Observation) -> int:
         """Return the index of the candidate with which the fastest plan begins."""
         scenario, belief = observation.scenario, observation.belief
-        assert isinstance(scenario, LandmarkScenario)
+        if not isinstance(scenario, LandmarkScenario):
+            raise RequestError(f"clairvoyant plans in landmark worlds, not in kind '{scenario.kind}'; leave it out.")
         if self._view is None:
             self._view = views(scenario)
         known = belief.known.reshape(-1).copy()
@@ -72,13 +76,12 @@ class Clairvoyant:
             in_view=self._view,
             grid=scenario.grid,
             reach=scenario.sensor_range,
-            motion=(scenario.step_length, math.radians(scenario.turn_threshold_deg)),
+            driver=Driver.of(scenario),
             counts=(scenario.candidates_per_robot, scenario.candidates_per_landmark),
             target=len(self._uncounted) + math.ceil(scenario.coverage * counted - 1e-9),
             steps_per_cell=self.metres_per_cell / scenario.step_length,
         )
-        x, y = scenario.grid.centre_of(int(observation.paths[0][0]))
-        return _plan(task, known, seen, (x, y, observation.pose[2]), self.beam)
+        return _plan(task, known, seen, observation.pose, self.beam)
 
 
 def views(scenario: Scenario) -> NDArray[np.int64]:
@@ -102,7 +105,7 @@ class _Task(NamedTuple):
     in_view: NDArray[np.int64]
     grid: Grid
     reach: float
-    motion: tuple[float, float]
+    driver: Driver
     counts: tuple[int, int]
     target: int
     steps_per_cell: float
@@ -262,7 +265,7 @@ def _look_ahead(
     pose = (plans.pose[b, 0], plans.pose[b, 1], plans.pose[b, 2])
     for k in range(path.shape[0]):
         if k > 0:
-            taken, pose = _drive(task.motion, pose, centre_of(task.grid, path[k]))
+            taken, pose = drive_to(task.driver, pose, centre_of(task.grid, path[k]))
             steps += taken
         for cell in task.in_view[path[k]]:
             if cell < 0:
@@ -284,7 +287,7 @@ def _reveal(
     for k in range(path.shape[0]):
         x, y = centre_of(task.grid, path[k])
         if k > 0:
-            _, pose = _drive(task.motion, pose, (x, y))
+            _, pose = drive_to(task.driver, pose, (x, y))
         for cell in task.in_view[path[k]]:
             if cell >= 0:
                 known[cell] = True
@@ -292,19 +295,6 @@ def _reveal(
             if math.hypot(task.landmarks[m, 0] - x, task.landmarks[m, 1] - y) <= task.reach:
                 seen[m] = True
     return pose
-
-
-@jit
-def _drive(motion: tuple[float, float], pose: Pose, waypoint: tuple[float, float]) -> tuple[float, Pose]:
-    """Steps from one cell's centre to the next, a turn in place included, and the pose afterwards."""
-    step_length, turn_threshold = motion
-    x, y = waypoint
-    dx, dy = x - pose[0], y - pose[1]
-    direction = math.atan2(dy, dx)
-    steps = math.ceil(math.hypot(dx, dy) / step_length - 1e-9)
-    if abs(wrap_angle(direction - pose[2])) > turn_threshold:
-        return steps + 1.0, (x, y, direction)
-    return float(steps), (x, y, pose[2])
 
 
 @jit
