@@ -52,6 +52,14 @@ class ChessScenario(Scenario):
         return 0.01, 0.02
 
     @property
+    def sight_in_words(self) -> str:
+        return "pawns"
+
+    @property
+    def step_in_words(self) -> str:
+        return "a king's move"
+
+    @property
     def tiny(self) -> ChessScenario:
         return self.replace(size=5 * self.cell_size, pawns=1)
 
@@ -65,6 +73,10 @@ class ChessWorld:
     start: Pose
 
     landmarks = np.empty((0, 2))
+
+    @property
+    def walls(self) -> NDArray[np.bool_]:
+        return self.obstacles
 
     @property
     def counted(self) -> NDArray[np.bool_]:

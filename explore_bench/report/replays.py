@@ -116,7 +116,8 @@ def pack_replay(record: TrialRecord, replay: Replay) -> bytes:
         "cells": scenario.grid.columns,
         "cellSize": scenario.cell_size,
         "range": scenario.sensor_range,
-        "obstacles": np.flatnonzero(record.world.obstacles & record.world.counted).tolist(),
+        "wallCells": record.world.grid.columns,
+        "obstacles": np.flatnonzero(record.world.walls).tolist(),
         "landmarks": [[round(float(x), 2), round(float(y), 2)] for x, y in record.world.landmarks],
         "columns": [
             {"name": name, "count": len(own), "lag": columns.lags[name], "scale": SCALES.get(name, 1.0)}

@@ -75,7 +75,7 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
     shade = np.where(np.isnan(belief), 0, np.where(belief > 0.5, 2, 1))
     for kind, color in enumerate((UNKNOWN, FREE, OCCUPIED)):
         axes.add_patch(PathPatch(squares(shade == kind, grid.resolution), facecolor=color, edgecolor="none", zorder=0))
-    outlines = squares(world.obstacles & world.counted, world.grid.resolution)
+    outlines = squares(world.walls, world.grid.resolution)
     axes.add_patch(PathPatch(outlines, fill=False, edgecolor=TRUE, linewidth=0.6, alpha=0.7, zorder=2))
     _ellipses(axes, scenario, snapshot)
     axes.plot(steps["true_x"], steps["true_y"], color=TRUE, linewidth=0.9)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Pose
+from explore_bench.geometry import Array, Grid, Pose
 from explore_bench.world.scenario import Scenario
 
 
@@ -53,6 +53,22 @@ class Graph(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class FineMap:
+    """A map finer than the grid of decisions, where the kind of world has one. Arrays are of the grid's shape.
+
+    Attributes
+    ----------
+    grid : of its cells; it covers the same square as the grid of decisions.
+    known : whether a cell was observed.
+    occupied : known cells believed occupied.
+    """
+
+    grid: Grid
+    known: NDArray[np.bool_]
+    occupied: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
 class Belief:
     """Estimates, covariances and maps after a step, as read-only arrays. Nothing in it leads to the truth.
 
@@ -70,6 +86,7 @@ class Belief:
     uncertainty : U of Eq. 1 [m²].
     peak_trace : largest tr Σ (3 × 3) of the trajectory [m² + rad²], for Eq. 3.
     graph : from which `predict` goes on.
+    fine : a finer map, None in a kind of world without one.
     """
 
     scenario: Scenario
@@ -84,6 +101,7 @@ class Belief:
     uncertainty: float
     peak_trace: float
     graph: Graph
+    fine: FineMap | None = None
 
     @property
     def pose(self) -> Pose:
@@ -138,3 +156,15 @@ def peak_traces(covariances: Array, full: float = 0.0, position: float = 0.0) ->
         position = max(position, block)
         full = max(full, block + covariances[i, 2, 2])
     return full, position
+
+
+def freeze(value: object) -> None:
+    """Make every array of a frozen dataclass read-only, those of nested ones too."""
+    for name in getattr(value, "__dataclass_fields__", ()):
+        part = getattr(value, name)
+        if isinstance(part, np.ndarray):
+            part.setflags(write=False)
+            if isinstance(part.base, np.ndarray):
+                part.base.setflags(write=False)
+        else:
+            freeze(part)

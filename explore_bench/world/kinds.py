@@ -88,6 +88,10 @@ class World(Protocol):
         """Whether a cell counts towards coverage, shape (rows, columns)."""
 
     @property
+    def walls(self) -> NDArray[np.bool_]:
+        """Whether a cell is an obstacle that a picture of the truth shows, shape (rows, columns)."""
+
+    @property
     def landmarks(self) -> Array:
         """True positions [m], shape (M, 2); none in a kind of world without landmarks."""
 

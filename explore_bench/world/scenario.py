@@ -157,6 +157,16 @@ class Scenario(BaseModel):
         raise NotImplementedError
 
     @property
+    def sight_in_words(self) -> str:
+        """What the robot sees of a world, to follow "Within … m of itself it sees"."""
+        raise NotImplementedError
+
+    @property
+    def step_in_words(self) -> str:
+        """What a step is, to follow "A step is"."""
+        raise NotImplementedError
+
+    @property
     def step_limit(self) -> int:
         """Steps after which a trial ends unexplored."""
         return math.floor(self.steps_per_cell * self.cell_count + 0.5)

@@ -120,7 +120,11 @@
       g.globalAlpha = 0.55;
       g.lineWidth = 1;
       g.setLineDash([3, 2]);
-      for (const cell of replay.obstacles) g.strokeRect(column(cell) * unit + 1.5, row(cell) * unit + 1.5, unit - 3, unit - 3);
+      const wide = width / replay.wallCells, inset = Math.min(1.5, wide / 4);
+      for (const cell of replay.obstacles) {
+        const left = (cell % replay.wallCells) * wide, top = width - (Math.floor(cell / replay.wallCells) + 1) * wide;
+        g.strokeRect(left + inset, top + inset, wide - 2 * inset, wide - 2 * inset);
+      }
       g.setLineDash([]);
       g.globalAlpha = 1;
     }

@@ -90,7 +90,7 @@ def _draw_ways(axes: Axes, own: dict[str, TrialRecord]) -> None:
     """Draw the true map and the true trajectories of some strategies in it."""
     world = next(iter(own.values())).world
     edge = world.grid.columns * world.grid.resolution
-    for cells, color in ((~world.counted, UNCOUNTED), (world.obstacles & world.counted, OBSTACLE)):
+    for cells, color in ((~world.counted, UNCOUNTED), (world.walls, OBSTACLE)):
         axes.add_patch(PathPatch(squares(cells, world.grid.resolution), facecolor=color, edgecolor="none"))
     for name in in_order(own):
         steps = own[name].steps

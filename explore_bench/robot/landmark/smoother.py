@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.geometry import Array, Pose
-from explore_bench.robot.belief import Belief, peak_traces
+from explore_bench.robot.belief import Belief, freeze, peak_traces
 from explore_bench.robot.landmark.factor_graph import FactorGraph
 from explore_bench.robot.landmark.graph import LandmarkGraph
 from explore_bench.robot.landmark.growing import Rows
@@ -118,7 +118,7 @@ class Smoother:
             peak_trace=self._peak[0],
             graph=LandmarkGraph(self._marginals.linearization(), self._marginals.elimination()),
         )
-        _freeze(belief)
+        freeze(belief)
         return belief
 
     def _keep(self, patch: Patch) -> None:
@@ -138,15 +138,3 @@ class Smoother:
         if self.scenario.occlusion:
             scans = self._scans[0][first:], self._scans[1][first:]
         self.virtual_map.fuse(self.poses[first:], self.pose_covariances[first:], used, scans)
-
-
-def _freeze(value: object) -> None:
-    """Make every array of a frozen dataclass read-only, those of nested ones too."""
-    for name in getattr(value, "__dataclass_fields__", ()):
-        part = getattr(value, name)
-        if isinstance(part, np.ndarray):
-            part.setflags(write=False)
-            if isinstance(part.base, np.ndarray):
-                part.base.setflags(write=False)
-        else:
-            _freeze(part)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from explore_bench.geometry import Array, Pose, between, compose, wrap_angle
 from explore_bench.geometry.rays import cast, leaps
-from explore_bench.robot.belief import Belief, peak_traces
+from explore_bench.robot.belief import Belief, FineMap, peak_traces
 from explore_bench.robot.lidar.closures import chains
 from explore_bench.robot.lidar.decision_grid import patch_reach, seen_patch
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
@@ -88,10 +88,9 @@ class LidarPrediction:
         return virtual.reshape(belief.virtual_map.shape)
 
     def _scans(self) -> list[Array]:
-        scenario = _physics(self.belief)
-        occupied, open_ = self.graph.occupied, self.graph.leaps(scenario)
+        reach, fine = self.belief.scenario.sensor_range, self.graph.fine
         return [
-            cast((x, y, heading), EXPECTED_BEAMS, scenario.sensor_range, occupied, open_, scenario.map_grid)
+            cast((x, y, heading), EXPECTED_BEAMS, reach, fine.occupied, self.graph.leaps, fine.grid)
             for x, y, heading in self.poses.tolist()
         ]
 
@@ -108,16 +107,16 @@ class LidarPrediction:
 
 @dataclass(frozen=True, eq=False)
 class LidarGraph:
-    """The pose graph behind a belief, and the walls that it believes in.
+    """The pose graph behind a belief.
 
     Attributes
     ----------
     links : factors between key poses.
-    occupied : cells of the fine map believed occupied, shape (rows, columns).
+    fine : the map that was made of their scans.
     """
 
     links: tuple[Link, ...]
-    occupied: NDArray[np.bool_]
+    fine: FineMap
 
     def predict(self, belief: Belief, places: Array) -> LidarPrediction:
         """Propagate the belief along places [m] to drive through in order, shape (P, 2)."""
@@ -130,12 +129,10 @@ class LidarGraph:
             graph.add_link(link)
         return LidarPrediction(belief, self, poses, closures, graph.covariances()[0])
 
-    def leaps(self, scenario: LidarScenario) -> NDArray[np.float32]:
-        """How far a ray goes on from each cell of the fine map without meeting what is believed to be a wall [m]."""
-        if "_leaps" not in self.__dict__:
-            object.__setattr__(self, "_leaps", leaps(self.occupied, scenario.map_grid))
-        found: NDArray[np.float32] = self.__dict__["_leaps"]
-        return found
+    @cached_property
+    def leaps(self) -> NDArray[np.float32]:
+        """How far a ray goes on from each cell of the map without meeting what is believed to be a wall [m]."""
+        return leaps(self.fine.occupied, self.fine.grid)
 
     def _expected(self, belief: Belief, poses: Array) -> tuple[list[Link], int]:
         """Links that the predicted key poses would bring, and how many of them close a loop."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import TAU, Array, Grid, Pose, place_of
+from explore_bench.robot.belief import FineMap
 from explore_bench.world.lidar.scenario import LidarScenario
 
 OCCUPIED_SHARE = 0.25
@@ -43,6 +44,10 @@ class GridMap:
     def remove(self, pose: Pose, ranges: Array) -> None:
         """Take out a scan that was inserted with these very values."""
         trace_scan(self.passes, self.hits, pose, ranges, self._reach, self._clears, self.grid, -1)
+
+    def frozen(self) -> FineMap:
+        """Copy of what is known now."""
+        return FineMap(self.grid, self.known, self.occupied)
 
     @property
     def known(self) -> NDArray[np.bool_]:

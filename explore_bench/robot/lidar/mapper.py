@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.geometry import Pose
-from explore_bench.robot.belief import Belief, peak_traces
+from explore_bench.robot.belief import Belief, freeze, peak_traces
 from explore_bench.robot.lidar.decision_grid import known, occupancy, patch_reach, seen_patch
 from explore_bench.robot.lidar.graph import LidarGraph
 from explore_bench.robot.lidar.slam import Slam
@@ -53,7 +53,7 @@ class Mapper:
     def belief(self) -> Belief:
         """Freeze what is known; later updates leave it untouched."""
         scenario, slam = self.scenario, self.slam
-        shape = scenario.grid.shape
+        shape, fine = scenario.grid.shape, slam.map.frozen()
         belief = Belief(
             scenario=scenario,
             poses=slam.poses.copy(),
@@ -66,12 +66,10 @@ class Mapper:
             virtual_map=self.virtual_map.covariances.copy().reshape(*shape, 3),
             uncertainty=self.virtual_map.uncertainty,
             peak_trace=self.peak_traces[0],
-            graph=LidarGraph(tuple(slam.links), slam.map.occupied),
+            graph=LidarGraph(tuple(slam.links), fine),
+            fine=fine,
         )
-        for name in belief.__dataclass_fields__:
-            part = getattr(belief, name)
-            if isinstance(part, np.ndarray):
-                part.setflags(write=False)
+        freeze(belief)
         return belief
 
     def _patch(self, scan: RangeScan) -> NDArray[np.uint8]:

@@ -141,6 +141,16 @@ class LandmarkScenario(Scenario):
         return self.noise.bearing, self.noise.range
 
     @property
+    def sight_in_words(self) -> str:
+        """What the robot sees of a world, to follow "Within … m of itself it sees"."""
+        return "free ground, obstacles and landmarks, each a little wrong"
+
+    @property
+    def step_in_words(self) -> str:
+        """What a step is, to follow "A step is"."""
+        return f"one turn on the spot or one straight move of at most {self.step_length:g} m"
+
+    @property
     def blind(self) -> LandmarkScenario:
         """The constants that the robot may know: all but a given map."""
         if self.map is None:

@@ -56,6 +56,11 @@ class LandmarkWorld:
         return counted.reshape(self.obstacles.shape)
 
     @property
+    def walls(self) -> NDArray[np.bool_]:
+        """Obstacles that count, shape (rows, columns): the others no sensor tells from what lies beyond the map."""
+        return self.obstacles & self.counted
+
+    @property
     def digest(self) -> str:
         """Twelve hexadecimal digits that tell this world from any other."""
         digest = hashlib.sha256(str(self.grid.columns).encode() + np.packbits(self.obstacles).tobytes())

@@ -124,6 +124,16 @@ class LidarScenario(Scenario):
         return math.radians(self.bearing_sigma_deg), max(self.range_sigma, 1e-3)
 
     @property
+    def sight_in_words(self) -> str:
+        """What the robot sees of a world, to follow "Within … m of itself it sees"."""
+        return "how far away walls are, in all directions and a little wrong"
+
+    @property
+    def step_in_words(self) -> str:
+        """What a step is, to follow "A step is"."""
+        return "one key pose, a place where a scan was taken in: after half a metre, half a radian or at a goal"
+
+    @property
     def blind(self) -> LidarScenario:
         """The constants that the robot may know: all but a given map."""
         return self if self.map is None else self.replace(map=None)

@@ -71,6 +71,11 @@ class LidarWorld:
         clearance.setflags(write=False)
         return clearance
 
+    @property
+    def walls(self) -> NDArray[np.bool_]:
+        """Obstacles with a free cell among their 8 neighbours: their surface, shape (rows, columns)."""
+        return self.obstacles & ndimage.binary_dilation(~self.obstacles, np.ones((3, 3)))
+
     @cached_property
     def digest(self) -> str:
         """Twelve hexadecimal digits that tell this world from any other."""
