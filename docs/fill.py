@@ -125,6 +125,16 @@ def beam_sweep() -> str:
     return _markdown(sweep.drop(columns=["low", "high"]).assign(**{"95 % interval": interval}))
 
 
+def stage_choices() -> str:
+    """What the choices behind the lidar worlds do."""
+    return _markdown(pd.read_csv(STUDIES / "stage-choices.csv"))
+
+
+def stage_slam() -> str:
+    """What window and anchors do to the errors of the lidar SLAM."""
+    return _markdown(pd.read_csv(STUDIES / "stage-slam.csv").round(3))
+
+
 def map_order() -> str:
     """By how much the order of fusion matters."""
     table = pd.read_csv(STUDIES / "virtual-map-order.csv")
@@ -352,6 +362,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "calibration-fit": calibration_fit,
     "weight-sweep": weight_sweep,
     "beam-sweep": beam_sweep,
+    "stage-choices": stage_choices,
+    "stage-slam": stage_slam,
     "map-order": map_order,
     "columns": columns,
     "public": public,

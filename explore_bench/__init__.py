@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         installed_version as installed_version,
         scenario_digest as scenario_digest,
     )
-    from explore_bench.robot.belief import Belief as Belief, Prediction as Prediction
+    from explore_bench.robot.belief import Belief as Belief, FineMap as FineMap, Prediction as Prediction
     from explore_bench.robot.landmark.driver import Driver as Driver, drive_to as drive_to
     from explore_bench.robot.occupancy import (
         OCCUPIED_ABOVE as OCCUPIED_ABOVE,
@@ -73,6 +73,8 @@ if TYPE_CHECKING:
     from explore_bench.world.kinds import World as World, draw_world as draw_world
     from explore_bench.world.landmark.scenario import LandmarkScenario as LandmarkScenario
     from explore_bench.world.landmark.world import LandmarkWorld as LandmarkWorld
+    from explore_bench.world.lidar.scenario import LidarScenario as LidarScenario
+    from explore_bench.world.lidar.world import LidarWorld as LidarWorld
     from explore_bench.world.scenario import Scenario as Scenario
     from explore_bench.world.scenarios import PAPER as PAPER, load_scenario as load_scenario
 
@@ -85,6 +87,7 @@ PUBLIC: dict[str, str] = {
     "Reachable": "robot.planning.roads",
     "Roads": "robot.planning.roads",
     "Belief": "robot.belief",
+    "FineMap": "robot.belief",
     "Prediction": "robot.belief",
     # how it is registered, checked and claimed about
     "Entry": "strategies.entry",
@@ -119,6 +122,8 @@ PUBLIC: dict[str, str] = {
     "load_scenario": "world.scenarios",
     "World": "world.kinds",
     "LandmarkWorld": "world.landmark.world",
+    "LidarScenario": "world.lidar.scenario",
+    "LidarWorld": "world.lidar.world",
     "draw_world": "world.kinds",
     "stream": "trial.seeding",
     "TrialSpec": "trial.spec",

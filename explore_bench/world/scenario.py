@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -47,6 +47,12 @@ class Scenario(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    plan_cell: ClassVar[str] = "cell_size"
+    """Constant that is the edge of a cell of a given map."""
+
+    most_plan_cells: ClassVar[int] = MAX_CELLS
+    """Most cells of a given map."""
 
     kind: str
     sensor_range: Positive
@@ -96,23 +102,28 @@ class Scenario(BaseModel):
     @classmethod
     def _measure(cls, values: dict[str, Any]) -> dict[str, Any]:
         """Take the rows of a map as a tuple, and the size that they give where none is set."""
-        rows, cell_size = values.get("map"), values.get("cell_size", cls.model_fields["cell_size"].default)
+        rows = values.get("map")
+        cell_size, plan_cell = (
+            values.get(name, cls.model_fields[name].default) for name in ("cell_size", cls.plan_cell)
+        )
         if isinstance(rows, str):
             raise ValueError(f"map {rows!r} is no list of rows; name a file in a scenario file or with --map")
         if not isinstance(rows, list | tuple):
             return values
         values = {**values, "map": tuple(rows)}
-        if all(isinstance(row, str) for row in rows) and isinstance(cell_size, int | float):
+        numbers = isinstance(cell_size, int | float) and isinstance(plan_cell, int | float)
+        if all(isinstance(row, str) for row in rows) and numbers:
             if not edge_of(values["map"]):
                 raise ValueError("the map is empty; draw at least two free cells side by side")
-            values.setdefault("size", float(edge_of(values["map"]) * cell_size))
+            values.setdefault("size", _size_of(values["map"], plan_cell, cell_size))
         return values
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if self.map is not None and self.edge != edge_of(self.map):
-            own = edge_of(self.map) * self.cell_size
-            raise ValueError(f"size {self.size:g} m is not that of the map, {own:g} m; leave it out")
+        if self.map is not None:
+            own = _size_of(self.map, getattr(self, self.plan_cell), self.cell_size)
+            if abs(self.size - own) > 1e-9:
+                raise ValueError(f"size {self.size:g} m is not that of the map, {own:g} m; leave it out")
         if abs(self.size / self.cell_size - self.edge) > 1e-9:
             raise ValueError(f"size {self.size:g} m is no multiple of cell_size {self.cell_size:g} m")
         if not 4 <= self.cell_count <= MAX_CELLS:
@@ -186,6 +197,10 @@ class Scenario(BaseModel):
         """A scenario of this kind whose trial takes no time and runs all that its trials run."""
         return self.replace(map=None, size=5 * self.cell_size, coverage=1.0)
 
+    def for_pixels(self, resolution: float) -> Self:
+        """Copy whose given map has pixels of this edge [m], where the kind can take them as they are."""
+        return self
+
     def replace(self, /, **changes: Any) -> Self:
         """Copy of the scenario with some constants changed, validated anew; the size follows the map."""
         return type(self)(**self._kept(changes), **changes)
@@ -212,3 +227,8 @@ class Scenario(BaseModel):
             return RequestError(f"scenario: {reason}.")
         fix = reason[0].lower() + reason[1:]
         return RequestError(f"scenario key '{key}' is {first['input']!r}; {fix}.")
+
+
+def _size_of(rows: tuple[str, ...], plan_cell: float, cell_size: float) -> float:
+    """Edge [m] of the square of whole cells that holds a given map."""
+    return float(math.ceil(edge_of(rows) * plan_cell / cell_size - 1e-9) * cell_size)

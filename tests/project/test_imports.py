@@ -101,7 +101,7 @@ def test_the_walk_finds_what_is_there():
 @pytest.mark.parametrize(
     ("library", "doors"),
     [
-        ("gtsam", {"explore_bench.robot.landmark.factor_graph"}),
+        ("gtsam", {"explore_bench.robot.landmark.factor_graph", "explore_bench.robot.lidar.pose_graph"}),
         ("gymnasium", {"explore_bench.gymnasium"}),
         ("joblib", {"explore_bench.runs.workers.local", "explore_bench.runs.workers.cluster"}),
         ("distributed", {"explore_bench.runs.workers.cluster"}),
@@ -158,7 +158,7 @@ def page():
     return (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
-ROBOT_KNOWS = {"scenario", "signals", "landmark.scenario"}
+ROBOT_KNOWS = {"scenario", "signals", "landmark.scenario", "lidar.scenario"}
 """Modules of `world` that tell nothing of the truth."""
 
 

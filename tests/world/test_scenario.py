@@ -123,7 +123,7 @@ def test_the_kind_goes_through_dumps_copies_and_pickles(change):
     ("kind", "named"),
     [
         ("landmarks", "kind of world 'landmarks' is unknown; did you mean 'landmark'?"),
-        ("sea", "kind of world 'sea' is unknown; choose one of landmark."),
+        ("sea", "kind of world 'sea' is unknown; choose one of landmark, lidar."),
         (3, "kind of world '3' is unknown"),
         (["landmark"], "is unknown"),
     ],

@@ -21,6 +21,9 @@ PIECE_RADIUS = 1.5
 LOOK_FROM = 1.0
 """A place to look from lies this near to the middle of a piece [m]."""
 
+MOST_TRIES = 2
+"""How often a frontier is looked at in vain before it is withheld."""
+
 _EIGHT = np.ones((3, 3), dtype=bool)
 
 
@@ -63,10 +66,14 @@ def frontier_of(known: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> NDArra
     return mask
 
 
-def frontiers(terrain: Terrain, ways: Ways, withheld: NDArray[np.bool_]) -> list[Frontier]:
-    """Pieces of the frontiers that are not withheld, shape (rows, columns), and can be looked at; by their middles."""
+def frontiers(terrain: Terrain, ways: Ways, tries: NDArray[np.uint8]) -> list[Frontier]:
+    """Pieces of the frontiers that can be looked at; by their middles.
+
+    `tries` says how often each cell, shape (rows, columns), was looked at in vain: the first look is from the cheapest
+    place, the second from the nearest, since from most places a corner hides the same as before; then it is withheld.
+    """
     grid = terrain.grid
-    mask = frontier_mask(terrain) & ~withheld
+    mask = frontier_mask(terrain) & (tries < MOST_TRIES)
     labels, count = ndimage.label(mask, structure=_EIGHT)
     flat = labels.reshape(-1)
     cells = np.flatnonzero(flat)
@@ -79,7 +86,8 @@ def frontiers(terrain: Terrain, ways: Ways, withheld: NDArray[np.bool_]) -> list
             continue
         for piece in _pieces(cluster, grid):
             middle = _middle(piece, grid)
-            goal = look_from(ways.reached, ways.cost, terrain.occupied, middle, LOOK_FROM / grid.resolution)
+            again = bool(tries.reshape(-1)[piece].any())
+            goal = look_from(ways.reached, ways.cost, terrain.occupied, middle, LOOK_FROM / grid.resolution, again)
             if goal >= 0:
                 found.append(Frontier(piece, middle, goal, float(ways.cost[goal])))
     return sorted(found, key=lambda frontier: frontier.middle)
@@ -102,17 +110,20 @@ def _middle(piece: NDArray[np.int64], grid: Grid) -> int:
 
 
 @jit
-def look_from(reached: NDArray[np.bool_], cost: Array, occupied: NDArray[np.bool_], middle: int, reach: float) -> int:
-    """Cell of the least cost within `reach` cells of another that sees it; −1 where there is none."""
+def look_from(
+    reached: NDArray[np.bool_], cost: Array, occupied: NDArray[np.bool_], middle: int, reach: float, nearest: bool
+) -> int:
+    """Cell within `reach` cells of another that sees it, the cheapest or the nearest; −1 where there is none."""
     rows, columns = reached.shape
     row, column = middle // columns, middle % columns
     most = int(reach)
     best, best_cost = -1, np.inf
     for i in range(max(row - most, 0), min(row + most + 1, rows)):
         for j in range(max(column - most, 0), min(column + most + 1, columns)):
-            cell = i * columns + j
-            if not reached[i, j] or cost[cell] >= best_cost:
+            cell, squared = i * columns + j, float((i - row) ** 2 + (j - column) ** 2)
+            price = squared if nearest else cost[cell]
+            if not reached[i, j] or price >= best_cost or squared > reach * reach:
                 continue
-            if (i - row) ** 2 + (j - column) ** 2 <= reach * reach and in_sight(occupied, cell, middle):
-                best, best_cost = cell, cost[cell]
+            if in_sight(occupied, cell, middle):
+                best, best_cost = cell, price
     return best

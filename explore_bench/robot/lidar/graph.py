@@ -21,14 +21,17 @@ from explore_bench.robot.lidar.slam import (
     LINK_SPACING,
     LOOP_SPACING,
     WINDOW,
-    anchor_of,
+    anchor_at,
     odometry_covariance,
 )
 from explore_bench.robot.virtual_map import constants_of, fuse_poses, key_poses, prior_of, uncertainty
 from explore_bench.world.lidar.scenario import LidarScenario
 
-EXPECTED = np.diag((0.01**2, 0.01**2, 0.002**2))
+EXPECTED = np.diag((0.003**2, 0.003**2, 0.0008**2))
 """Covariance of a match that is expected [m, rad]: about the median of those that are made."""
+
+EXPECTED_LAG = 20
+"""A match that is expected is measured from the surfaces of so many key poses before."""
 
 EXPECTED_BEAMS = 90
 """Beams of a scan that is expected: what it shows is asked of cells of 2 m."""
@@ -152,15 +155,13 @@ class LidarGraph:
             joined[later].append(earlier)
 
         closures = 0
-        last = {True: past - 1, False: past - 1}
         for newest in range(past, len(trajectory)):
             motion = between(_pose(trajectory[newest - 1]), _pose(trajectory[newest]))
             length, turned = math.hypot(motion[0], motion[1]), abs(motion[2])
             add(newest - 1, newest, odometry_covariance(scenario, motion, length, turned))
-            add(anchor_of(newest), newest, EXPECTED)
+            add(anchor_at(max(newest - EXPECTED_LAG, 0), newest), newest, EXPECTED)
             for chain in chains(trajectory[: newest + 1], joined, max(newest - WINDOW, 0)):
-                if newest - last[chain.linked] >= (LINK_SPACING if chain.linked else LOOP_SPACING):
-                    last[chain.linked] = newest
+                if newest % (LINK_SPACING if chain.linked else LOOP_SPACING) == 0:
                     closures += not chain.linked
                     add(chain.closest, newest, EXPECTED, not chain.linked)
         return links, closures

@@ -37,6 +37,8 @@ class LocalPlanner(Protocol):
 _PLANNERS: dict[str, type[Pursuit] | type[DynamicWindow]] = {"pursuit": Pursuit, "dwa": DynamicWindow}
 
 
-def local_planner(scenario: LidarScenario) -> LocalPlanner:
-    """Return the local planner that a scenario names."""
-    return _PLANNERS[scenario.local_planner].of(scenario)
+def local_planner(scenario: LidarScenario, margin: float = 0.0) -> LocalPlanner:
+    """Return the local planner that a scenario names, for ways that come nearer to walls than usual by a margin [m]."""
+    planner = _PLANNERS[scenario.local_planner].of(scenario)
+    limits = planner.limits
+    return planner._replace(limits=limits._replace(sight=limits.sight - margin, least=limits.least - margin))

@@ -19,6 +19,7 @@ from explore_bench.geometry import TAU, Array, Grid, Pose, wrap_angle
 
 Field = NDArray[np.float32]
 Cells = NDArray[np.int64]
+Owners = NDArray[np.int16]
 
 FIELD_RESOLUTION = 0.025
 """Edge of a cell of the field [m]: half of SMEAR; as large as it, cells draw the top of a response to them."""
@@ -29,12 +30,19 @@ STRIDE = 2
 SMEAR = 0.05
 """σ of the Gaussian around every surface point [m]."""
 
+ON_SURFACE = 0.5
+"""A point lies on a surface where the field has at least this value: within 6 cm of it."""
+
 SAME = 0.98
 """Where the field has this value a surface was written already, within a centimetre: most points of a window."""
 
 POINT_SPACING = 0.08
 """Surface points between two neighbouring hits are at most this far apart [m]: hits 10 m away are 17 cm apart, and a
 scan would lock onto them like onto beads."""
+
+NORMAL_REACH = 0.1
+"""A normal is that of the line between two points of the surface this far on either side [m]: near the robot hits lie
+closer together than they are wrong, and a filter by such normals would keep hits that err to one side."""
 
 LONGEST_GAP = 0.5
 """Two hits farther apart are not of one surface [m]."""
@@ -45,8 +53,8 @@ WEIGHT = 500.0
 SHARPNESS = 200.0
 """Samples of the response weigh exp(SHARPNESS · difference to the best) in its covariance."""
 
-FLOOR = 0.003, 0.0008
-"""Least standard deviations of a match [m, rad]: the lattice resolves no finer ones."""
+FLOOR = 0.002, 0.0005
+"""Least standard deviations of a match [m, rad], as measured in dense scenes: the lattice resolves no finer ones."""
 
 OPEN = 0.5
 """A direction whose standard deviation exceeds this share of a uniform response's is open: nothing there limits it."""
@@ -61,7 +69,7 @@ _KERNEL = np.exp(-0.5 * (_OFFSETS * FIELD_RESOLUTION / SMEAR) ** 2).astype(np.fl
 """Gaussian along one axis at the cells around a point, by the point's place in its cell: to 0.8 mm, and no exponential
 for each of the hundreds of thousands of values that a match writes."""
 
-FINEST = 0.001, 0.0002
+FINEST = 0.002, 0.0006
 """Steps at which climbing ends [m, rad]."""
 
 
@@ -103,11 +111,13 @@ class Match(NamedTuple):
     pose : of the robot.
     response : mean of the field over the scan's points, 0 to 1.
     covariance : of the match alone, without the prior, in the world's axes, shape (3, 3).
+    frame : whose surfaces it is measured against: first quartile of the frames that first saw what its points lie on.
     """
 
     pose: Pose
     response: float
     covariance: Array
+    frame: int
 
 
 @jit
@@ -115,39 +125,49 @@ def surfaces_of(ranges: Array, reach: float) -> Surfaces:
     """Surfaces that a scan shows; ranges as in `RangeScan`, what lies beyond `reach` [m] is left out."""
     beams = ranges.shape[0]
     spread = TAU / beams
+    xy = np.empty((beams, 2))
     hits = np.empty((beams, 2))
+    joined = np.empty(beams, dtype=np.bool_)  # with the following one
     count = 0
+    for beam in range(beams):
+        xy[beam, 0], xy[beam, 1] = ranges[beam] * math.cos(spread * beam), ranges[beam] * math.sin(spread * beam)
+        joined[beam] = _joined(ranges[beam], ranges[(beam + 1) % beams], spread, reach)
+        if ranges[beam] <= reach:
+            hits[count] = xy[beam]
+            count += 1
     room = 2 * beams + int(beams * LONGEST_GAP / POINT_SPACING)
     points, normals = np.empty((room, 2)), np.empty((room, 2))
     total = 0
     for beam in range(beams):
         if not ranges[beam] <= reach:
             continue
-        x, y = ranges[beam] * math.cos(spread * beam), ranges[beam] * math.sin(spread * beam)
-        hits[count, 0], hits[count, 1] = x, y
-        count += 1
         following = (beam + 1) % beams
-        before = (beam - 1) % beams
-        joined = _joined(ranges[beam], ranges[following], spread, reach)
-        if not joined:
-            points[total, 0], points[total, 1] = x, y
-            if _joined(ranges[before], ranges[beam], spread, reach):
-                other_x = ranges[before] * math.cos(spread * before)
-                other_y = ranges[before] * math.sin(spread * before)
-                normals[total, 0], normals[total, 1] = _normal(x, y, x - other_x, y - other_y)
-            else:
-                normals[total, 0], normals[total, 1] = 0.0, 0.0
-            total += 1
-            continue
-        dx = ranges[following] * math.cos(spread * following) - x
-        dy = ranges[following] * math.sin(spread * following) - y
-        normal_x, normal_y = _normal(x, y, dx, dy)
+        last = following if joined[beam] else beam
+        before, after = _reach_out(xy, joined, beam, -1), _reach_out(xy, joined, last, 1)
+        normal_x, normal_y = _normal(
+            xy[beam, 0], xy[beam, 1], xy[after, 0] - xy[before, 0], xy[after, 1] - xy[before, 1]
+        )
+        dx, dy = xy[last, 0] - xy[beam, 0], xy[last, 1] - xy[beam, 1]
         pieces = max(int(math.ceil(math.hypot(dx, dy) / POINT_SPACING)), 1)
         for k in range(pieces):
-            points[total, 0], points[total, 1] = x + dx * k / pieces, y + dy * k / pieces
+            points[total, 0], points[total, 1] = xy[beam, 0] + dx * k / pieces, xy[beam, 1] + dy * k / pieces
             normals[total, 0], normals[total, 1] = normal_x, normal_y
             total += 1
     return Surfaces(hits[:count].copy(), points[:total].copy(), normals[:total].copy())
+
+
+@jit
+def _reach_out(xy: Array, joined: NDArray[np.bool_], beam: int, way: int) -> int:
+    """Beam at least NORMAL_REACH from another along its surface, or the surface's last; way is 1 or −1."""
+    beams, at = xy.shape[0], beam
+    for _ in range(beams):
+        following = (at + way) % beams
+        if not joined[at if way > 0 else following]:
+            break
+        at = following
+        if math.hypot(xy[at, 0] - xy[beam, 0], xy[at, 1] - xy[beam, 1]) >= NORMAL_REACH:
+            break
+    return at
 
 
 @jit
@@ -174,9 +194,16 @@ def _normal(x: float, y: float, dx: float, dy: float) -> tuple[float, float]:
 
 @jit
 def smear(
-    points: Array, normals: Array, starts: Cells, poses: Array, viewpoint: Pose, field: Field, grid: Grid
+    points: Array,
+    normals: Array,
+    starts: Cells,
+    poses: Array,
+    viewpoint: Pose,
+    field: Field,
+    owners: Owners,
+    grid: Grid,
 ) -> None:
-    """Write the surfaces of key frames into a field, shape (rows, columns), which is cleared before.
+    """Write the surfaces of key frames into a field, which is cleared before, and who first saw them; of its shape.
 
     Parameters
     ----------
@@ -205,6 +232,8 @@ def smear(
                 for j in range(2 * _HALF + 1):
                     value = along[j] * up[i]
                     if value > field[row - _HALF + i, column - _HALF + j]:
+                        if field[row - _HALF + i, column - _HALF + j] < ON_SURFACE:
+                            owners[row - _HALF + i, column - _HALF + j] = frame
                         field[row - _HALF + i, column - _HALF + j] = value
 
 
@@ -223,6 +252,21 @@ def response(pose: Pose, hits: Array, field: Field, grid: Grid) -> float:
             high = field[i + 1, j] + a * (field[i + 1, j + 1] - field[i + 1, j])
             total += low + b * (high - low)
     return total / max(hits.shape[0], 1)
+
+
+@jit
+def owner_of(pose: Pose, hits: Array, field: Field, owners: Owners, grid: Grid) -> int:
+    """First quartile of the frames on whose surfaces a scan's points lie; −1 where they lie on none."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    found = np.empty(hits.shape[0], dtype=np.int64)
+    count = 0
+    for k in range(hits.shape[0]):
+        column = int(math.floor((pose[0] + c * hits[k, 0] - s * hits[k, 1] - grid.x0) / grid.resolution))
+        row = int(math.floor((pose[1] + s * hits[k, 0] + c * hits[k, 1] - grid.y0) / grid.resolution))
+        if 0 <= row < grid.rows and 0 <= column < grid.columns and field[row, column] >= ON_SURFACE:
+            found[count] = owners[row, column]
+            count += 1
+    return np.sort(found[:count])[count // 4] if count else -1
 
 
 @jit
@@ -286,34 +330,45 @@ def _squared(dx: float, dy: float, turn: float, information: Array) -> float:
 
 
 @jit
+def _value(there: Array, hits: Array, prediction: Pose, information: Array, field: Field, grid: Grid) -> float:
+    """Logarithm of the likelihood of a pose, up to a constant."""
+    return WEIGHT * response((there[0], there[1], there[2]), hits, field, grid) - 0.5 * _squared(
+        there[0] - prediction[0], there[1] - prediction[1], there[2] - prediction[2], information
+    )
+
+
+@jit
 def _climb(
     hits: Array, start: Pose, prediction: Pose, information: Array, window: Window, field: Field, grid: Grid
 ) -> Pose:
-    """Climb to the top next to a sample: along one coordinate after the other, with ever smaller steps."""
-    here = np.array(start)
-    there = here.copy()
-    best = WEIGHT * response(start, hits, field, grid) - 0.5 * _squared(
-        start[0] - prediction[0], start[1] - prediction[1], start[2] - prediction[2], information
-    )
+    """Climb to the top next to a sample, no farther than the next: along one coordinate after the other, ever finer.
+
+    Both neighbours of a coordinate are looked at, and the last step is to the top of the parabola through all three:
+    whoever takes the first that is better ends on the same side of every flat top, and drifts.
+    """
+    here, there = np.array(start), np.array(start)
+    best = _value(here, hits, prediction, information, field, grid)
     step, turn = 0.5 * STRIDE * grid.resolution, 0.5 * window.turn_step
-    while step > FINEST[0] or turn > FINEST[1]:
+    widest = np.array([2.0 * step, 2.0 * step, 2.0 * turn])
+    while True:
+        last = step <= FINEST[0] and turn <= FINEST[1]
         moved = False
         for axis in range(3):
             size = turn if axis == 2 else step
-            for sign in (-1.0, 1.0):
-                there[:] = here
-                there[axis] += sign * size
-                value = WEIGHT * response((there[0], there[1], there[2]), hits, field, grid) - 0.5 * _squared(
-                    there[0] - prediction[0], there[1] - prediction[1], there[2] - prediction[2], information
-                )
-                if value > best:
-                    best = value
-                    here[:] = there
-                    moved = True
-                    break
+            there[:] = here
+            there[axis] = here[axis] - size
+            below = _value(there, hits, prediction, information, field, grid)
+            there[axis] = here[axis] + size
+            above = _value(there, hits, prediction, information, field, grid)
+            to = here[axis] + (size if above > below else -size)
+            if max(below, above) > best and abs(to - start[axis]) <= widest[axis]:
+                here[axis], best, moved = to, max(below, above), True
+            elif last and not moved and below + above < 2.0 * best:
+                here[axis] += 0.5 * size * (above - below) / (2.0 * best - below - above)
         if not moved:
+            if last:
+                return here[0], here[1], here[2]
             step, turn = 0.5 * step, 0.5 * turn
-    return here[0], here[1], here[2]
 
 
 @jit
@@ -355,6 +410,7 @@ class Matcher:
         side = 2 * int(math.ceil((reach + LOOP.reach) / FIELD_RESOLUTION + 4))
         self._side = side
         self._field = np.zeros((side, side), dtype=np.float32)
+        self._owners = np.zeros((side, side), dtype=np.int16)
 
     def match(
         self,
@@ -378,8 +434,10 @@ class Matcher:
         points = np.concatenate([frame.points for frame in frames])
         normals = np.concatenate([frame.normals for frame in frames])
         starts = np.cumsum([0] + [len(frame.points) for frame in frames])
-        smear(points, normals, starts, poses, prediction, self._field, grid)
-        return Match(*search(hits, prediction, information, window, self._field, grid))
+        smear(points, normals, starts, poses, prediction, self._field, self._owners, grid)
+        pose, response, covariance = search(hits, prediction, information, window, self._field, grid)
+        frame = owner_of(pose, hits, self._field, self._owners, grid)
+        return Match(pose, response, covariance, frame if frame >= 0 else len(frames) - 1)
 
     def _grid(self, centre: Pose) -> Grid:
         half = 0.5 * self._side * FIELD_RESOLUTION

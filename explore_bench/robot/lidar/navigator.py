@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, cell_of, centre_of
-from explore_bench.robot.lidar.frontiers import Frontier, frontier_mask, frontiers
+from explore_bench.robot.lidar.frontiers import MOST_TRIES, Frontier, frontier_mask, frontiers
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.terrain import Terrain, Ways, length_of
 from explore_bench.robot.planning.roads import Roads
@@ -55,13 +55,19 @@ class Offer:
 
 
 class Navigator:
-    """The fine planner of one trial; it remembers which frontiers are withheld."""
+    """The fine planner of one trial; it remembers which frontiers were looked at in vain.
+
+    Attributes
+    ----------
+    terrain : the map as it was last looked at.
+    margin : what the ways of the last offer give up of the lethal radius [m].
+    """
 
     def __init__(self, scenario: LidarScenario, map_: GridMap) -> None:
         self._scenario, self._map = scenario, map_
-        self._withheld = np.zeros(map_.grid.shape, dtype=bool)
+        self._tries = np.zeros(map_.grid.shape, dtype=np.uint8)
         self._releases = 0
-        self._margin = 0.0
+        self.margin = 0.0
         self.look()
 
     def look(self) -> None:
@@ -71,7 +77,7 @@ class Navigator:
     def ways(self, pose: Pose, margin: float | None = None) -> Ways:
         """Cheapest ways from a pose, keeping the lethal radius less a margin [m]; that of the last offer by default."""
         start = self._map.grid.cell_of(pose[0], pose[1])
-        given = self._margin if margin is None else margin
+        given = self.margin if margin is None else margin
         return self.terrain.ways(start, self._scenario.lethal_radius - given)
 
     def offer(self, pose: Pose) -> Offer | None:
@@ -79,21 +85,21 @@ class Navigator:
         while True:
             for margin in MARGINS:
                 ways = self.ways(pose, margin)
-                found = frontiers(self.terrain, ways, self._withheld)
+                found = frontiers(self.terrain, ways, self._tries)
                 if found:
-                    self._margin = margin
+                    self.margin = margin
                     return self._offer(found, ways)
-            if self._releases == RELEASES or not self._withheld.any():
+            if self._releases == RELEASES or not self._tries.any():
                 return None
             self._releases += 1
             self.release()
 
     def release(self) -> None:
         """Withhold nothing any more."""
-        self._withheld[:] = False
+        self._tries[:] = 0
 
-    def withhold(self, frontier: Frontier) -> None:
-        """Withhold what is left of a frontier that was looked at in vain."""
+    def note_in_vain(self, frontier: Frontier) -> None:
+        """Note that a frontier was looked at in vain: what is left of it is looked at once more, then withheld."""
         grid = self._map.grid
         around = np.zeros(grid.shape, dtype=bool)
         around.reshape(-1)[frontier.cells] = True
@@ -101,7 +107,8 @@ class Navigator:
         x, y = grid.centre_of(frontier.middle)
         centres = grid.centres(np.flatnonzero(around))
         near = np.hypot(*(centres - (x, y)).T) <= WITHHELD_WITHIN + 2 * grid.resolution
-        self._withheld.reshape(-1)[np.flatnonzero(around)[near]] = True
+        tries, noted = self._tries.reshape(-1), np.flatnonzero(around)[near]
+        tries[noted] = np.minimum(tries[noted] + 1, MOST_TRIES)
 
     def resolved(self, frontier: Frontier) -> bool:
         """Whether enough of a frontier is one no more."""
@@ -109,7 +116,7 @@ class Navigator:
 
     def blocked(self, route: NDArray[np.int64]) -> bool:
         """Whether what is believed now closes a route."""
-        least = self._scenario.lethal_radius - self._margin - 0.02
+        least = self._scenario.lethal_radius - self.margin - 0.02
         return bool(np.any(self.terrain.clearance.reshape(-1)[route[1:]] < least))
 
     def _offer(self, found: list[Frontier], ways: Ways) -> Offer:

@@ -1,9 +1,10 @@
 """SLAM by scan matching: key poses, the factors between them, loop closures, and the map that follows from them.
 
-Of every key pose the graph holds what odometry says of the motion from the one before, and where its scan was matched:
-against the window of the last key poses, as one factor from the window's anchor. Scans of one window share its
-surfaces, so their errors are not independent; tied one to the next they would add up to an uncertainty that is not
-there, while tied to a common anchor they are what they are: errors within one window (docs/stage.md measures it).
+Of every key pose the graph holds what odometry says of the motion from the one before, and where its scan was matched
+against the window of the last key poses. That match is one factor, from the *anchor*: about the key pose that first saw
+the surfaces on which the scan lies. Scans that were matched with the same surfaces share their errors; tied one to the
+next they would add up to an uncertainty that is not there, while a tie to a pose that saw none of these surfaces would
+hide one that is (docs/stage.md measures it).
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 WINDOW = 70
 """Key poses against which a scan is matched: those before it (Karto). Shorter windows drift: docs/stage.md."""
 
-ANCHOR_SPACING = 30
-"""Key poses between two anchors: that of a pose is 30 to 59 before it, about the middle of its window."""
+ANCHOR_SPACING = 5
+"""Every so many key poses one is an anchor, from which matches are measured."""
 
 LEAST_RESPONSE = 0.3
 """A match of less tells nothing, and odometry stands alone."""
@@ -40,8 +41,14 @@ LINK_RESPONSE, LOOP_RESPONSE = 0.65, 0.65
 LOOP_SIGMA, LOOP_CORRECTION = 0.1, 0.5
 """A loop is closed only where the match is sure to this [m], and moves the robot by no more than that [m]."""
 
+PRIOR_SIGMAS = 0.01, 0.01, 0.01
+"""What a search adds to the noise of odometry [m, rad]: its bias is the same at every step, and would pull for ever."""
+
+CHAIN_SIGMAS = 0.01, 0.01, 0.003
+"""What a match with a chain leaves open of where its closest pose is: the chain bends, and others tell of it, too."""
+
 LOOP_SPACING, LINK_SPACING = 4, 10
-"""Key poses between two closures, and between two links to chains that are linked: the next would say the same."""
+"""Every so many key poses a loop, or a link to a chain that is linked, is looked for: those between say the same."""
 
 REFRESH, REFRESH_SHARE = 10, 0.1
 """All marginals are computed anew after so many key poses, or when so many more as a share of all have been added: what
@@ -71,14 +78,13 @@ class Slam:
         self.covariances: Array
         self.links: list[Link] = []
         self._joined: list[list[int]] = [[]]
-        self._linked_at = self._closed_at = 0
         self.closures: list[Link] = []
         self.unmatched = self.refreshed = 0
         self._frames: list[Surfaces] = []
         self._ranges: list[Array] = []
         self._placed: list[Pose] = []
         self._keep(scan, start)
-        self._restart()
+        self.refresh()
 
     @property
     def pose(self) -> Pose:
@@ -99,11 +105,12 @@ class Slam:
         noise = odometry_covariance(self.scenario, motion, length, turned)
         surfaces = surfaces_of(scan.ranges, self.scenario.sensor_range)
         prediction = compose(last, motion)
+        doubt = rotated(noise + np.diag(np.square(PRIOR_SIGMAS)), prediction[2])
         first = max(newest - WINDOW, 0)
         match = self._matcher.match(
             surfaces.hits,
             prediction,
-            np.asarray(np.linalg.inv(rotated(noise, prediction[2])), dtype=float),
+            np.asarray(np.linalg.inv(doubt), dtype=float),
             self._frames[first:],
             self.poses[first:],
         )
@@ -114,16 +121,17 @@ class Slam:
         self._graph.add_pose(pose)
         self.poses = np.vstack((self.poses, pose))
         self._joined.append([])
-        self._link(Link(newest - 1, newest, motion, noise))
+        # odometry has had its say in the match; what it errs by every time would bend the whole graph a little
+        self._link(Link(newest - 1, newest, between(last, pose), noise))
         if found:
-            self._link_match(anchor_of(newest), match)
+            self._link_match(anchor_at(first + match.frame, newest), match)
         self._keep(scan, pose, surfaces)
         self._tail.advance(between(last, pose), noise)
         if found:
-            self._tail.measure(anchor_of(newest), self.links[-1].motion, self.links[-1].covariance)
+            self._tail.measure(self.links[-1].earlier, self.links[-1].motion, self.links[-1].covariance)
         shift = self._look_back(first) if found else 0.0
         if shift > 0.0 or newest - self._refreshed_at >= max(REFRESH, REFRESH_SHARE * newest):
-            self._restart()
+            self.refresh()
         else:
             self._tail.keep(_ties(newest + 1))
             self.covariances = np.concatenate((self.covariances, [self._tail.newest(pose[2])]))
@@ -133,7 +141,7 @@ class Slam:
             self._lap("map")
         return shift
 
-    def _restart(self) -> None:
+    def refresh(self) -> None:
         """Compute the marginals of all key poses anew, and begin the filter from them."""
         newest = len(self.poses) - 1
         ties = sorted({*_ties(newest + 1), newest})
@@ -169,8 +177,7 @@ class Slam:
         newest = len(self.poses) - 1
         shift = 0.0
         for chain in chains(self.poses, self._joined, window_start):
-            since, spacing = (self._linked_at, LINK_SPACING) if chain.linked else (self._closed_at, LOOP_SPACING)
-            if newest - since < spacing:
+            if newest % (LINK_SPACING if chain.linked else LOOP_SPACING):
                 continue
             pose = self.pose
             match = self._matcher.match(
@@ -187,11 +194,11 @@ class Slam:
                 continue
             if math.hypot(match.pose[0] - pose[0], match.pose[1] - pose[1]) > LOOP_CORRECTION:
                 continue
-            link = self._link_match(chain.closest, match, robust=not chain.linked)
-            if chain.linked:
-                self._linked_at = newest
-            else:
-                self._closed_at = newest
+            covariance = match.covariance + np.diag(np.square(CHAIN_SIGMAS))
+            link = self._link_match(
+                chain.first + match.frame, match._replace(covariance=covariance), robust=not chain.linked
+            )
+            if not chain.linked:
                 self.closures.append(link)
             before, self.poses = self.poses, self._graph.optimize()
             shift = max(shift, float(np.hypot(*(self.poses - before)[:, :2].T).max()), 1e-12)
@@ -210,15 +217,15 @@ class Slam:
                 self._placed[number] = (x, y, heading)
 
 
-def anchor_of(number: int) -> int:
-    """Anchor of a key pose, from which its match is measured."""
-    return max((number // ANCHOR_SPACING - 1) * ANCHOR_SPACING, 0)
+def anchor_at(number: int, newest: int) -> int:
+    """Anchor from which a match of the newest key pose is measured, when its surfaces are those of another."""
+    return min(-(-number // ANCHOR_SPACING) * ANCHOR_SPACING, newest - 1)
 
 
 def _ties(number: int) -> list[int]:
-    """Poses but the last to which key pose `number`, and those after it, will be linked."""
-    anchor = anchor_of(number)
-    return [pose for pose in (anchor, anchor + ANCHOR_SPACING) if pose < number]
+    """Anchors to which key pose `number`, and those after it, may be linked."""
+    first = -(-max(number - WINDOW, 0) // ANCHOR_SPACING) * ANCHOR_SPACING
+    return list(range(first, number, ANCHOR_SPACING))
 
 
 def odometry_covariance(scenario: LidarScenario, motion: Pose, length: float, turned: float) -> Array:

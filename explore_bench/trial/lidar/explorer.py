@@ -14,7 +14,7 @@ from explore_bench.robot.belief import Belief
 from explore_bench.robot.lidar.frontiers import Frontier
 from explore_bench.robot.lidar.local_planner import local_planner
 from explore_bench.robot.lidar.mapper import Mapper
-from explore_bench.robot.lidar.navigator import Navigator, Offer, seconds_for
+from explore_bench.robot.lidar.navigator import MARGINS, Navigator, Offer, seconds_for
 from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
@@ -79,7 +79,7 @@ class LidarExplorer:
         self._truth = _Truth(self.scenario, world)
         self._true_keys: list[Pose] = [world.start]
         self._false_closures = self._judged = 0
-        self._local = local_planner(self.scenario)
+        self._local = {margin: local_planner(self.scenario, margin) for margin in MARGINS}
         self.mapper = Mapper(self.scenario, world.start, self._lidar.scan(world.start), lap)
         self._navigator = Navigator(self.scenario, self.mapper.slam.map)
         self._patience = Patience(self.scenario)
@@ -159,7 +159,7 @@ class LidarExplorer:
         self.decisions += 1
         yield from self._follow(route, frontier)
         if frontier is not None and not self._navigator.resolved(frontier):
-            self._navigator.withhold(frontier)
+            self._navigator.note_in_vain(frontier)
 
     def row(self) -> LidarStep:
         """The primitives after the last key pose."""
@@ -210,7 +210,9 @@ class LidarExplorer:
                 stalled = self._seconds - mark_seconds >= STALL_SECONDS
             given_up = arrived or stalled or self._seconds - begin >= limit
             if not given_up:
-                command = self._local.command(pose, self._vehicle.velocity, path, navigator.terrain.clearance, grid)
+                command = self._local[navigator.margin].command(
+                    pose, self._vehicle.velocity, path, navigator.terrain.clearance, grid
+                )
                 self._tick(command)
                 if self._since[1] < KEY_DISTANCE and self._since[2] < KEY_TURN:
                     continue
@@ -269,8 +271,6 @@ class _Truth:
     def __init__(self, scenario: LidarScenario, world: LidarWorld) -> None:
         grid = scenario.map_grid
         share = round(scenario.map_resolution / scenario.resolution)
-        if share < 1 or abs(share * scenario.resolution - scenario.map_resolution) > 1e-9:
-            raise ValueError("map_resolution is no multiple of resolution")
 
         def blocks(cells: NDArray[np.bool_]) -> Array:
             return np.asarray(cells.reshape(grid.rows, share, grid.columns, share).sum(axis=(1, 3)), dtype=float)

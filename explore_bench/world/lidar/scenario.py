@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -28,8 +28,12 @@ class LidarScenario(Scenario):
 
     Decisions, U, n_g and the learned strategies' features live on the square grid of `cell_size`; what is true lies on
     a grid of `resolution`, and what the robot maps on one of `map_resolution`. All three have the same lower left
-    corner.
+    corner. With a `map` of its own nothing is drawn but the start where the map names none; its cells are of
+    `resolution`.
     """
+
+    plan_cell: ClassVar[str] = "resolution"
+    most_plan_cells: ClassVar[int] = MAX_MAP_CELLS
 
     kind: Literal["lidar"] = "lidar"
 
@@ -80,22 +84,33 @@ class LidarScenario(Scenario):
     candidates_per_robot: int = Field(20, ge=1, description="frontier clusters nearest along the way (ours)")
     candidates_per_landmark: int = Field(0, ge=0, le=0, description="none: there are no landmarks")
     coverage: Annotated[float, Field(gt=0, le=1)] = Field(0.98, description="known share that ends a trial (ours)")
+    steps_per_cell: Positive = Field(30.0, description="step limit per cell of the decision grid (ours)")
     time_limit: Positive = Field(3600.0, description="simulated seconds after which a trial ends unexplored (ours)")
 
     def _check_physics(self) -> None:
         for name in ("resolution", "map_resolution"):
             edge = getattr(self, name)
             if abs(self.cell_size / edge - round(self.cell_size / edge)) > 1e-9:
-                raise ValueError(f"cell_size {self.cell_size:g} m is no multiple of {name} {edge:g} m")
+                raise ValueError(
+                    f"cell_size {self.cell_size:g} m is no multiple of {name} {edge:g} m; take 0.05 or 0.1"
+                )
             if (self.size / edge) ** 2 > MAX_MAP_CELLS:
                 raise ValueError(f"{name} {edge:g} m gives more than {MAX_MAP_CELLS:,} cells; take a coarser one")
+        parts = self.map_resolution / self.resolution
+        if parts < 1 - 1e-9 or abs(parts - round(parts)) > 1e-9:
+            raise ValueError(
+                f"map_resolution {self.map_resolution:g} m is no multiple of resolution {self.resolution:g} m; "
+                "take the same, or twice as much"
+            )
         if self.passage < self.lethal_radius:
             raise ValueError(
                 f"passage {self.passage:g} m is less than the {self.lethal_radius:.3g} m that a robot of "
                 f"{self.robot_radius:g} m keeps on a map of {self.map_resolution:g} m; widen it"
             )
         if self.sensor_range < self.cell_size:
-            raise ValueError(f"sensor_range {self.sensor_range:g} m does not leave a cell of {self.cell_size:g} m")
+            raise ValueError(
+                f"sensor_range {self.sensor_range:g} m does not leave a cell of {self.cell_size:g} m; widen it"
+            )
 
     @cached_property
     def truth_grid(self) -> Grid:
@@ -122,6 +137,18 @@ class LidarScenario(Scenario):
     def sight_sigmas(self) -> tuple[float, float]:
         """Noise (bearing [rad], range [m]) with which a point in view is observed, for the virtual map."""
         return math.radians(self.bearing_sigma_deg), max(self.range_sigma, 1e-3)
+
+    def for_pixels(self, resolution: float) -> LidarScenario:
+        """Copy whose true map has the pixels' own resolution [m], and whose robot maps in 10 cm or else in pixels.
+
+        The scenario itself where a cell of the decision grid is no whole number of these.
+        """
+        parts = self.cell_size / resolution
+        if abs(parts - round(parts)) > 1e-6:
+            return self
+        edges = [resolution * share for share in range(1, round(parts) + 1) if round(parts) % share == 0]
+        mapped = next((edge for edge in edges if edge >= self.map_resolution - 1e-9), self.map_resolution)
+        return self.replace(resolution=resolution, map_resolution=mapped)
 
     @property
     def sight_in_words(self) -> str:

@@ -15,6 +15,7 @@ from scipy import ndimage
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Array, Grid, Pose, centre_of
+from explore_bench.world.floor_plan import FloorPlan, floor_plan
 from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.lidar.scenes import SCENES
 
@@ -86,15 +87,18 @@ class LidarWorld:
 
     @classmethod
     def draw(cls, scenario: LidarScenario, rng: np.random.Generator) -> Self:
-        """World of a scenario, drawn at random.
+        """World of a scenario: its map, in which a start is drawn where it names none, or a scene drawn at random.
 
-        The robot reaches every place where it fits: gaps that are too narrow for the passage are closed, and so are
-        pockets behind them; a scene is drawn anew where that would lose more than a square metre for the robot.
+        In a drawn one the robot reaches every place where it fits: gaps that are too narrow for the passage are closed,
+        and so are pockets behind them; a scene is drawn anew where that would lose more than a square metre for the
+        robot.
 
         Raises
         ------
-        RequestError : when 200 draws gave no such world.
+        RequestError : when 200 draws gave no such world, or the robot does not fit into a given map.
         """
+        if scenario.map is not None:
+            return cls(scenario.truth_grid, *_given(scenario, floor_plan(scenario.map), rng))
         grid, passage = scenario.truth_grid, scenario.passage
         for _ in range(MAX_DRAWS):
             scene = SCENES[scenario.scene](scenario.size, scenario.resolution, rng)
@@ -111,9 +115,7 @@ class LidarWorld:
             if not len(starts):
                 continue
             x, y = centre_of(grid, int(rng.choice(starts)))
-            # no wider than the passage, whose disc around a reached cell is free: else it would count across thin walls
-            counted = ~obstacles & (away <= min(COUNTED_WITHIN, passage))
-            return cls(grid, obstacles, counted, (x, y, float(rng.uniform(-np.pi, np.pi))))
+            return cls(grid, obstacles, _counted(obstacles, away, passage), (x, y, float(rng.uniform(-np.pi, np.pi))))
         raise RequestError(
             f"no {scenario.scene} world of {scenario.size:g} m with a passage of {passage:g} m to every place was "
             f"found in {MAX_DRAWS} draws; lower passage or enlarge size."
@@ -143,6 +145,67 @@ def clearance_of(obstacles: NDArray[np.bool_], resolution: float) -> Array:
     free = np.pad(~obstacles, 1)
     distance: Array = ndimage.distance_transform_edt(free)[1:-1, 1:-1]
     return distance * resolution
+
+
+def _given(
+    scenario: LidarScenario, plan: FloorPlan, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Pose]:
+    """Obstacles, what counts, and the start in a given map, which a wall of one cell encloses.
+
+    The robot starts where the map says, or else at a random place of the largest region that a start can reach with the
+    passage's clearance; regions that touch the border of the map are outdoors, and come last.
+    """
+    grid, passage = scenario.truth_grid, scenario.passage
+    obstacles = np.ones(grid.shape, dtype=bool)
+    rows, columns = plan.blocked.shape
+    obstacles[:rows, :columns] = plan.blocked
+    outdoors = _border(np.zeros_like(obstacles), rows, columns) & ~obstacles
+    obstacles |= _border(np.zeros_like(obstacles), rows, columns)
+    clearance = clearance_of(obstacles, grid.resolution)
+    fits = clearance >= passage
+    heading = float(rng.uniform(-np.pi, np.pi))
+    if plan.start is None:
+        labels, _ = ndimage.label(fits)
+        beside_border = np.unique(labels[ndimage.distance_transform_edt(~outdoors) * grid.resolution <= 2 * passage])
+        inside = fits & ~np.isin(labels, beside_border) if outdoors.any() else fits
+        reached = _largest_region(inside if inside.any() else fits)
+        starts = np.flatnonzero(reached & (clearance >= passage + START_ROOM))
+        starts = starts if len(starts) else np.flatnonzero(reached)
+        start = int(rng.choice(starts)) if len(starts) else -1
+    else:
+        row, column = divmod(plan.start, columns)
+        start = row * grid.columns + column
+        reached = _region_of(fits, start)
+    if start < 0 or not reached.reshape(-1)[start]:
+        where = "anywhere in the map" if start < 0 else "where the map starts"
+        raise RequestError(
+            f"a robot of {scenario.robot_radius:g} m with a passage of {passage:g} m does not fit {where}; lower "
+            "robot_radius and passage, or move the start."
+        )
+    away = ndimage.distance_transform_edt(~reached) * grid.resolution
+    x, y = centre_of(grid, start)
+    return obstacles, _counted(obstacles, away, passage), (x, y, heading)
+
+
+def _border(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+    """Mark the outermost of rows × columns cells of a larger grid."""
+    cells[[0, rows - 1], :columns] = True
+    cells[:rows, [0, columns - 1]] = True
+    return cells
+
+
+def _counted(obstacles: NDArray[np.bool_], away: Array, passage: float) -> NDArray[np.bool_]:
+    """Free cells near to what is reached; `away` is how far a cell is from that [m].
+
+    No wider than the passage, whose disc around a reached cell is free: else it would count across thin walls.
+    """
+    return np.asarray(~obstacles & (away <= min(COUNTED_WITHIN, passage)))
+
+
+def _region_of(cells: NDArray[np.bool_], cell: int) -> NDArray[np.bool_]:
+    """The region of cells joined to one by steps to the four sides; none where that is none of them."""
+    labels, _ = ndimage.label(cells)
+    return np.asarray(cells & (labels == labels.reshape(-1)[cell]))
 
 
 def _largest_region(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:

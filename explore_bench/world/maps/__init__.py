@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from explore_bench.errors import RequestError
+from explore_bench.world.floor_plan import FREE, START
 from explore_bench.world.maps.arrays import read_array
 from explore_bench.world.maps.images import read_image
 from explore_bench.world.maps.raster import RESOLUTIONS, Raster, cells_of
@@ -39,14 +40,13 @@ def with_map(scenario: Scenario, name_or_file: str | Path, resolution: float | N
     RequestError : for a file that is no map, or a map in which nothing can be explored.
     """
     try:
-        rows = _rows(str(name_or_file), scenario.cell_size, resolution)
-        return scenario.replace(map=rows)
+        return _mapped(scenario, str(name_or_file), resolution)
     except ValueError as error:
         reason = str(error).removeprefix("scenario: ").removesuffix(".")
         raise RequestError(f"map '{name_or_file}': {reason}.") from None
 
 
-def _rows(name: str, cell_size: float, resolution: float | None) -> tuple[str, ...]:
+def _mapped(scenario: Scenario, name: str, resolution: float | None) -> Scenario:
     low, high = RESOLUTIONS
     if resolution is not None and not low <= resolution <= high:
         raise ValueError(f"resolution is {resolution:g}; give the metres that a pixel is wide, {low:g} to {high:g}")
@@ -56,8 +56,27 @@ def _rows(name: str, cell_size: float, resolution: float | None) -> tuple[str, .
             raise ValueError(
                 f"resolution {resolution:g} is given, but a map of the gallery is made of cells; leave it out"
             )
-        return own[name]
-    return cells_of(_raster(Path(name), cell_size, resolution), cell_size)
+        return scenario.replace(map=_magnified(own[name], round(scenario.cell_size / _plan_cell(scenario))))
+    raster = _raster(Path(name), _plan_cell(scenario), resolution)
+    scenario = scenario.for_pixels(raster.resolution)
+    return scenario.replace(map=cells_of(raster, _plan_cell(scenario), scenario.most_plan_cells))
+
+
+def _plan_cell(scenario: Scenario) -> float:
+    return float(getattr(scenario, scenario.plan_cell))
+
+
+def _magnified(rows: tuple[str, ...], times: int) -> tuple[str, ...]:
+    """Rows of which each cell became a square of cells; the start stays one, the square's middle."""
+    if times == 1:
+        return rows
+    wide = ["".join(character * times for character in row) for row in rows]
+    tall = [row.replace(START, FREE) for row in wide for _ in range(times)]
+    for number, row in enumerate(rows):
+        if START in row:
+            line, place = number * times + times // 2, row.index(START) * times + times // 2
+            tall[line] = tall[line][:place] + START + tall[line][place + 1 :]
+    return tuple(tall)
 
 
 def _raster(path: Path, cell_size: float, resolution: float | None) -> Raster:

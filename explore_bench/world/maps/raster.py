@@ -63,8 +63,8 @@ def check_pixels(width: int, height: int) -> None:
         raise ValueError(f"it has {width} × {height} pixels, more than {MAX_PIXELS:,}; crop it, or scale it down")
 
 
-def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
-    """Rows of text (see `floor_plan.floor_plan`) of a map in cells of an edge [m].
+def cells_of(raster: Raster, cell_size: float, most: int = MAX_CELLS) -> tuple[str, ...]:
+    """Rows of text (see `floor_plan.floor_plan`) of a map in cells of an edge [m], at most so many in a square.
 
     Borders of cells lie at multiples of the cell size in the map's frame, and margins of which nothing is known are cut
     off, so one place gives the same cells however its image is cropped. A pixel belongs to the cell that holds its
@@ -82,7 +82,7 @@ def cells_of(raster: Raster, cell_size: float) -> tuple[str, ...]:
     raster = _cropped(raster)
     pieces = max(1, math.ceil(raster.resolution / cell_size - 1e-9))
     height, width = raster.pixels.shape
-    _check_extent(width * raster.resolution, height * raster.resolution, cell_size)
+    _check_extent(width * raster.resolution, height * raster.resolution, cell_size, most)
     step = raster.resolution / pieces
     across, first_column = _cells_along(raster.origin[0], step, width * pieces, cell_size)
     up, first_row = _cells_along(raster.origin[1], step, height * pieces, cell_size)
@@ -139,13 +139,13 @@ def _cropped(raster: Raster) -> Raster:
     return replace(raster, pixels=raster.pixels[top:bottom, left:right], origin=origin)
 
 
-def _check_extent(width: float, height: float, cell_size: float) -> None:
+def _check_extent(width: float, height: float, cell_size: float, most: int) -> None:
     extent = f"{width:g} × {height:g} m"
     if max(width, height) < cell_size:
         raise ValueError(f"it shows {extent}, less than a cell of {cell_size:g} m; look at the resolution")
     edge = math.ceil(max(width, height) / cell_size - 1e-9)
-    if edge * edge > MAX_CELLS:
+    if edge * edge > most:
         raise ValueError(
-            f"{extent} are {edge} cells of {cell_size:g} m a side, and a square holds at most {math.isqrt(MAX_CELLS)}; "
+            f"{extent} are {edge} cells of {cell_size:g} m a side, and a square holds at most {math.isqrt(most)}; "
             "take a larger cell_size, or give the metres of a pixel as resolution"
         )
