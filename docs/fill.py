@@ -35,11 +35,7 @@ from explore_bench.world.scenarios import PAPER
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
 WEIGHTS = ROOT / "baselines" / "weights"
-PAGES = (
-    "README.md",
-    *(f"docs/{name}.md" for name in ("calibration", "clairvoyant", "learning", "performance", "protocol", "records")),
-)
-PAGES = (*PAGES, "docs/plugins.md", "docs/uncertainty-weight.md")
+PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
 OURS = "graph-stnn-plus"
