@@ -41,6 +41,9 @@ LINK_RESPONSE, LOOP_RESPONSE = 0.65, 0.65
 LOOP_SIGMA, LOOP_CORRECTION = 0.1, 0.5
 """A loop is closed only where the match is sure to this [m], and moves the robot by no more than that [m]."""
 
+LEAST_SIGMA = 0.001
+"""Least noise of odometry [m or rad]: with a thousandth of that a long drive without a match is no longer solvable."""
+
 PRIOR_SIGMAS = 0.01, 0.01, 0.01
 """What a search adds to the noise of odometry [m, rad]: its bias is the same at every step, and would pull for ever."""
 
@@ -231,11 +234,11 @@ def _ties(number: int) -> list[int]:
 def odometry_covariance(scenario: LidarScenario, motion: Pose, length: float, turned: float) -> Array:
     """Covariance of a motion that odometry measured, in the frame after it, shape (3, 3): its bias and white noise."""
     bias, heading_bias = scenario.odometry_bias / math.sqrt(12.0), scenario.heading_bias / math.sqrt(12.0)
-    white = scenario.odometry_noise**2 * length + 1e-8
+    white = scenario.odometry_noise**2 * length + LEAST_SIGMA**2
     return np.diag(
         (
             (bias * motion[0]) ** 2 + white,
             (bias * motion[1]) ** 2 + white,
-            (heading_bias * motion[2]) ** 2 + scenario.heading_noise**2 * (length + turned) + 1e-8,
+            (heading_bias * motion[2]) ** 2 + scenario.heading_noise**2 * (length + turned) + LEAST_SIGMA**2,
         )
     )

@@ -42,6 +42,9 @@ JUMP = 0.25
 RELEASE_SHIFT = 0.1
 """A link that moves a key pose farther than this brings withheld frontiers back [m]: they may be others now."""
 
+BLIND_SECONDS, LOST_DISTANCE = 60.0, 2.0
+"""A trial ends when no scan has matched for so long [s], or the robot is so far from where it believes to be [m]."""
+
 CLOSURE_DISTANCE, CLOSURE_TURN = 0.3, math.radians(3.0)
 """A closure is true where its relative pose is this near to the true one [m, rad]."""
 
@@ -73,7 +76,7 @@ class LidarExplorer:
         self.scenario: LidarScenario = scenario.blind
         self._lap = lap
         self.steps = self.decisions = 0
-        self._seconds = 0.0
+        self._seconds = self._matched_at = 0.0
         self._vehicle = Vehicle(self.scenario, world, motion)
         self._lidar = Lidar(self.scenario, world, sensing)
         self._truth = _Truth(self.scenario, world)
@@ -114,8 +117,10 @@ class LidarExplorer:
 
         Raises
         ------
-        StuckError : where no frontier can be reached, or too many decisions did not leave a cell.
+        StuckError : where no frontier can be reached, too many decisions did not leave a cell, or SLAM has failed.
         """
+        if trouble := self._trouble():
+            raise StuckError(trouble)
         self._navigator.look()
         offer = self._navigator.offer(self.mapper.slam.pose)
         self._lap("frontiers")
@@ -220,7 +225,7 @@ class LidarExplorer:
             shift = self._take()
             yield self.row()
             self._patience.visit(self._own_cell)
-            if given_up or self.status() is not None:
+            if given_up or self.status() is not None or self._trouble():
                 return
             navigator.look()
             if frontier is not None and navigator.resolved(frontier):
@@ -238,6 +243,16 @@ class LidarExplorer:
                 path = grid.centres(route)
             self._lap("route")
 
+    def _trouble(self) -> str:
+        """Why SLAM has failed for good, in a sentence; empty while it works."""
+        blind = self._seconds - self._matched_at
+        if blind >= BLIND_SECONDS:
+            return f"no scan has matched what was seen before for {blind:.0f} s"
+        away = math.hypot(self.pose[0] - self._vehicle.pose[0], self.pose[1] - self._vehicle.pose[1])
+        if away > LOST_DISTANCE:
+            return f"the robot is lost: it is {away:.1f} m from where it believes to be"
+        return ""
+
     def _tick(self, command: tuple[float, float]) -> None:
         motion = self._vehicle.move(command)
         self._seconds += self.scenario.tick
@@ -252,6 +267,8 @@ class LidarExplorer:
         self._lap("world")
         self._true_keys.append(self._vehicle.pose)
         shift = self.mapper.update(*self._since, scan)
+        if not self.mapper.slam.unmatched:
+            self._matched_at = self._seconds
         self._since = ((0.0, 0.0, 0.0), 0.0, 0.0)
         return shift
 

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from explore_bench.trial.lidar.step import LidarStep
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step, step_columns
 from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.sensor import Lidar
+from explore_bench.world.signals import RangeScan
 
 TEN = SMALL.replace(size=10.0)
 
@@ -172,6 +175,26 @@ def test_frontiers_that_can_never_be_resolved_do_not_keep_the_robot_for_ever(cho
     assert 2 <= len(seen) <= 60
     assert 0.5 < rows[-1].explored < 0.97
     assert rows[-1].collisions == 0
+
+
+def test_a_robot_whose_scans_match_nothing_ends_its_trial_with_a_sentence(monkeypatch):
+    """A lidar that returns nothing: all is open, and nothing is there to match."""
+    monkeypatch.setattr(Lidar, "scan", lambda *_: RangeScan(np.full(360, np.inf)))
+    rows, _, ending = play(TEN, at_random(0), 0)
+    assert ending.status == Status.STUCK
+    assert re.fullmatch(r"no scan has matched what was seen before for 6\d s", ending.reason)
+    assert 60.0 <= rows[-1].seconds < 70.0
+
+
+def test_a_robot_that_is_lost_ends_its_trial_with_a_sentence(monkeypatch):
+    """A lidar that shows another place every time, so that what matches does so by chance."""
+    rng = np.random.default_rng(0)
+    monkeypatch.setattr(Lidar, "scan", lambda *_: RangeScan(rng.uniform(0.5, 10.0, 360)))
+    rows, _, ending = play(TEN, at_random(0), 0)
+    assert ending.status == Status.STUCK
+    assert re.fullmatch(r"the robot is lost: it is 2\.\d m from where it believes to be", ending.reason)
+    away = [math.hypot(row.x - row.true_x, row.y - row.true_y) for row in rows]
+    assert away[-1] > 2.0 >= max(away[:-1])
 
 
 @pytest.mark.parametrize("beams", [8, 12])
