@@ -1,4 +1,4 @@
-"""Rays on a grid: how far it is to the first obstacle."""
+"""How far it is to obstacles on a grid: along rays, and from a point between the centres of cells."""
 
 from __future__ import annotations
 
@@ -88,3 +88,23 @@ def _meet(
                 travelled += leap
                 break
     return np.inf
+
+
+@jit
+def clearance_at(clearance: Array, grid: Grid, x: float, y: float) -> float:
+    """Clearance [m] of the point (x, y) [m], bilinear between the centres of cells; 0 off the grid.
+
+    `clearance` has the grid's shape. Looked up by cell, every small move near a wall would be blocked or none.
+    """
+    column = (x - grid.x0) / grid.resolution - 0.5
+    row = (y - grid.y0) / grid.resolution - 0.5
+    if not (-0.5 <= column <= grid.columns - 0.5 and -0.5 <= row <= grid.rows - 0.5):
+        return 0.0
+    column = min(max(column, 0.0), grid.columns - 1.0)
+    row = min(max(row, 0.0), grid.rows - 1.0)
+    c0, r0 = int(column), int(row)
+    c1, r1 = min(c0 + 1, grid.columns - 1), min(r0 + 1, grid.rows - 1)
+    a, b = column - c0, row - r0
+    below = (1.0 - a) * clearance[r0, c0] + a * clearance[r0, c1]
+    above = (1.0 - a) * clearance[r1, c0] + a * clearance[r1, c1]
+    return (1.0 - b) * below + b * above

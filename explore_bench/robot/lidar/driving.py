@@ -10,10 +10,9 @@ from typing import NamedTuple
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, compose
+from explore_bench.geometry.rays import clearance_at
 from explore_bench.world.lidar.scenario import LidarScenario
-
-Velocity = tuple[float, float]
-"""Speeds: forward [m/s], turning [rad/s]."""
+from explore_bench.world.signals import Velocity
 
 SLACK = (
     0.01  # what a drive may be nearer to a wall than what is in sight, so that a line in sight can be driven [m] (ours)
@@ -59,23 +58,6 @@ class Limits(NamedTuple):
 def between_bounds(value: float, low: float, high: float) -> float:
     """Return the value, or the bound that it is beyond."""
     return min(max(value, low), high)
-
-
-@jit
-def clearance_at(clearance: Array, grid: Grid, x: float, y: float) -> float:
-    """Clearance [m] of the point (x, y) [m], bilinear between the centres of cells; 0 off the grid."""
-    column = (x - grid.x0) / grid.resolution - 0.5
-    row = (y - grid.y0) / grid.resolution - 0.5
-    if not (-0.5 <= column <= grid.columns - 0.5 and -0.5 <= row <= grid.rows - 0.5):
-        return 0.0
-    column = between_bounds(column, 0.0, grid.columns - 1.0)
-    row = between_bounds(row, 0.0, grid.rows - 1.0)
-    c0, r0 = int(column), int(row)
-    c1, r1 = min(c0 + 1, grid.columns - 1), min(r0 + 1, grid.rows - 1)
-    a, b = column - c0, row - r0
-    below = (1.0 - a) * clearance[r0, c0] + a * clearance[r0, c1]
-    above = (1.0 - a) * clearance[r1, c0] + a * clearance[r1, c1]
-    return (1.0 - b) * below + b * above
 
 
 @jit

@@ -13,7 +13,6 @@ from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, between
 from explore_bench.robot.lidar.driving import (
     Limits,
-    Velocity,
     least_allowed,
     look_ahead,
     nearest_waypoint,
@@ -21,6 +20,7 @@ from explore_bench.robot.lidar.driving import (
     turn_in_place,
 )
 from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.signals import Velocity
 
 
 class DynamicWindow(NamedTuple):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Protocol
 
 from explore_bench.geometry import Array, Grid, Pose
-from explore_bench.robot.lidar.driving import Velocity
 from explore_bench.robot.lidar.dwa import DynamicWindow
 from explore_bench.robot.lidar.pursuit import Pursuit
 from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.signals import Velocity
 
 
 class LocalPlanner(Protocol):

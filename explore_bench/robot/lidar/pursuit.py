@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, between
+from explore_bench.geometry.rays import clearance_at
 from explore_bench.robot.lidar.driving import (
     Limits,
-    Velocity,
-    clearance_at,
     least_allowed,
     look_ahead,
     roll_out,
     turn_in_place,
 )
 from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.signals import Velocity
 
 
 class Pursuit(NamedTuple):

@@ -9,6 +9,7 @@ import numpy as np
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, compose
+from explore_bench.geometry.rays import clearance_at
 from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 
@@ -143,8 +144,8 @@ def _tick(
     length, turn = v * wheels.tick, w * wheels.tick
     motion = _arc(length, turn)
     after = compose(pose, motion)
-    room = _clearance_at(clearance, grid, pose[0], pose[1])
-    room_after = _clearance_at(clearance, grid, after[0], after[1])
+    room = clearance_at(clearance, grid, pose[0], pose[1])
+    room_after = clearance_at(clearance, grid, after[0], after[1])
     blocked = room_after < wheels.touch and room_after < room  # one that was put too near may leave
     if blocked:
         v = length = 0.0
@@ -174,23 +175,3 @@ def _arc(length: float, turn: float) -> Pose:
     half = 0.5 * turn
     chord = length * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
     return chord * math.cos(half), chord * math.sin(half), turn
-
-
-@jit
-def _clearance_at(clearance: Array, grid: Grid, x: float, y: float) -> float:
-    """Clearance [m] of a point, bilinear between the centres of cells; 0 off the grid.
-
-    Looked up by cell, every small move near a wall would be blocked or none.
-    """
-    column = (x - grid.x0) / grid.resolution - 0.5
-    row = (y - grid.y0) / grid.resolution - 0.5
-    if not (-0.5 <= column <= grid.columns - 0.5 and -0.5 <= row <= grid.rows - 0.5):
-        return 0.0
-    column = min(max(column, 0.0), grid.columns - 1.0)
-    row = min(max(row, 0.0), grid.rows - 1.0)
-    c0, r0 = int(column), int(row)
-    c1, r1 = min(c0 + 1, grid.columns - 1), min(r0 + 1, grid.rows - 1)
-    a, b = column - c0, row - r0
-    below = (1.0 - a) * clearance[r0, c0] + a * clearance[r0, c1]
-    above = (1.0 - a) * clearance[r1, c0] + a * clearance[r1, c1]
-    return (1.0 - b) * below + b * above

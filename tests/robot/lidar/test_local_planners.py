@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from explore_bench.geometry import Grid
-from explore_bench.robot.lidar.driving import Limits, clearance_at, look_ahead, roll_out, turn_in_place
+from explore_bench.geometry.rays import clearance_at
+from explore_bench.robot.lidar.driving import Limits, look_ahead, roll_out, turn_in_place
 from explore_bench.robot.lidar.dwa import DynamicWindow
 from explore_bench.robot.lidar.local_planner import local_planner
 from explore_bench.robot.lidar.pursuit import Pursuit
