@@ -37,7 +37,7 @@ class Entropy:
         """Return the index of the candidate with the largest gain, the shorter path among equals."""
         belief = observation.belief
         scenario = observation.scenario
-        views = scenario.grid.in_reach(observation.positions, scenario.sensor_range)
+        views = belief.view(observation.positions)
         gains = np.empty(len(observation.candidates))
         for i, path in enumerate(observation.paths):
             delta = float(np.trace(belief.predict(path).pose_covariances[-1]))

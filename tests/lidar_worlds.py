@@ -8,7 +8,8 @@ import numpy as np
 from explore_bench.geometry import Grid, between, compose
 from explore_bench.geometry.rays import cast, leaps
 from explore_bench.robot.lidar.matcher import surfaces_of
-from explore_bench.robot.lidar.slam import KEY_DISTANCE, Slam, odometry_covariance
+from explore_bench.robot.lidar.odometry import OdometryModel
+from explore_bench.robot.lidar.slam import KEY_DISTANCE, Slam
 from explore_bench.strategies.contract import Observation
 from explore_bench.trial.loop import rollout
 from explore_bench.trial.spec import TrialSpec
@@ -77,16 +78,21 @@ def way_through(*places):
 
 
 def driven(world, poses, scenario, seed=0, bias=0.0):
-    """SLAM of a robot that was at these true poses, of odometry with this scale error; and each step's shift."""
+    """SLAM of a robot that was at these true poses; and each step's shift.
+
+    Odometry errs as the scenario has it, or by this scale error alone.
+    """
     rng = np.random.default_rng(seed)
+    drawn_scales = rng.uniform(-0.5, 0.5, 3) * (scenario.odometry_bias, scenario.odometry_bias, scenario.heading_bias)
+    scales = 1.0 + (drawn_scales if bias == 0.0 else bias)
     sense = (scenario.beams, scenario.sensor_range, scenario.range_sigma, rng)
     slam = Slam(scenario, poses[0], RangeScan(ranges_at(world, poses[0], *sense)))
     shifts = []
     for last, pose in itertools.pairwise(poses):
         true = between(last, pose)
         length, turned = math.hypot(*true[:2]), abs(true[2])
-        sigmas = np.sqrt(np.diag(odometry_covariance(scenario, true, length, turned)))
-        x, y, turn = np.array(true) * (1.0 + bias) + (sigmas * rng.standard_normal(3) if bias == 0.0 else 0.0)
+        white = np.sqrt(OdometryModel.of(scenario).white_noise(length, turned)) if bias == 0.0 else np.zeros(3)
+        x, y, turn = np.array(true) * scales + white * rng.standard_normal(3)
         motion = (float(x), float(y), float(turn))
         shifts.append(slam.update(motion, length, turned, RangeScan(ranges_at(world, pose, *sense))))
     return slam, shifts

@@ -133,6 +133,11 @@ class ChessGraph:
 
     moves: int
 
+    closures = np.empty((0, 2), dtype=np.int64)
+
+    def view(self, scenario: Scenario, places: Array) -> NDArray[np.bool_]:
+        return scenario.grid.in_reach(places, scenario.sensor_range)
+
     def predict(self, belief: Belief, places: Array) -> ChessPrediction:
         poses = np.column_stack((places, np.zeros(len(places))))
         covariances = np.tile(SURE, (len(belief.poses) + len(poses), 1, 1))

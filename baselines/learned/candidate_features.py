@@ -15,17 +15,17 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.learned.graph import sum_in_range
-from explore_bench import Array, Grid, Observation, cells_within, centre_of, jit, room_within, wrap_angle
+from baselines.learned.graph import sums_in_view
+from explore_bench import Array, Grid, Observation, centre_of, jit, wrap_angle
 
 CANDIDATE_COLUMNS = (
     "length",  # of the path [10 m]
     "excess_length",  # beyond the shortest path [10 m]
     "steps",  # to drive it, turns included [10 steps]
     "turn",  # angle from the heading to the path's first waypoint, magnitude [π rad]
-    "revealed",  # unknown cells within range of the path [10 cells]
-    "revealed_at_end",  # unknown cells within range of the candidate [10 cells]
-    "revealed_a_step",  # unknown cells within range of the path, a step
+    "revealed",  # unknown cells in view along the path [10 cells]
+    "revealed_at_end",  # unknown cells in view from its end [10 cells]
+    "revealed_a_step",  # unknown cells in view along the path, a step
     "finishing",  # share of the cells still to be explored that the path reveals, at most 1
     "region",  # cells of the unknown regions that it reveals a part of [share of the map]
     "region_closed",  # share of those regions that it reveals
@@ -121,7 +121,7 @@ class CandidateBatch:
 def candidate_set(observation: Observation) -> CandidateSet:
     """Compute the features of an observation; a prediction along every path makes most of the cost."""
     belief, scenario = observation.belief, observation.scenario
-    grid, reach = scenario.grid, scenario.sensor_range
+    grid = scenario.grid
     x, y, heading = observation.pose
     target = math.ceil(scenario.coverage * scenario.cell_count - 1e-9)
     remaining = max(target - int(belief.known.sum()), 1)
@@ -130,11 +130,16 @@ def candidate_set(observation: Observation) -> CandidateSet:
     shortest = observation.path_lengths.min()
     apart = np.hypot(*(observation.positions[:, None] - observation.positions).transpose(2, 0, 1))
     np.fill_diagonal(apart, 20.0)
-    around = sum_in_range((~belief.known).astype(float).reshape(-1), observation.positions, grid, 2.0 * reach)
+    unknown = ~belief.known.reshape(-1)
+    around = sums_in_view(grid.in_reach(observation.positions, 2.0 * scenario.sensor_range), unknown.astype(float))
+    driven = np.unique(np.concatenate(observation.paths))
+    view = belief.view(grid.centres(driven))
     for i, path in enumerate(observation.paths):
         prediction = belief.predict(path)
         steps = max(len(prediction.poses), 1)
-        revealed, at_end, region, closed, pocket = _revealed(path, belief.known, regions, sizes, grid, reach)
+        revealed, at_end, region, closed, pocket = _revealed(
+            np.searchsorted(driven, path), view, unknown, regions, sizes
+        )
         first = path[1] if len(path) > 1 else path[0]
         first_x, first_y = centre_of(grid, first)
         angle = math.atan2(first_y - y, first_x - x)
@@ -231,23 +236,21 @@ def _regions(known: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.in
 @jit
 def _revealed(
     path: NDArray[np.int64],
-    known: NDArray[np.bool_],
+    view: NDArray[np.bool_],
+    unknown: NDArray[np.bool_],
     regions: NDArray[np.int64],
     sizes: NDArray[np.int64],
-    grid: Grid,
-    reach: float,
 ) -> tuple[int, int, int, float, float]:
-    """Unknown cells within range of a path and of its end; of their regions the size, share revealed, and pockets."""
-    unknown = ~known.reshape(-1)
-    cells, ways = room_within(grid, reach)
+    """Unknown cells in view along a path and from its end; of their regions the size, share revealed, and pockets.
+
+    The path is rows of `view`, whose columns are the cells.
+    """
     mark = np.zeros(unknown.size, dtype=np.bool_)
     taken = np.zeros(sizes.shape[0], dtype=np.int64)
     revealed, at_end = 0, 0
     for k in range(path.shape[0]):
-        x, y = centre_of(grid, path[k])
-        for found in range(cells_within(grid, x, y, reach, cells, ways)):
-            cell = cells[found]
-            if not unknown[cell]:
+        for cell in range(unknown.size):
+            if not (unknown[cell] and view[path[k], cell]):
                 continue
             if k == path.shape[0] - 1:
                 at_end += 1

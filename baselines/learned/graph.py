@@ -19,10 +19,8 @@ from explore_bench import (
     Observation,
     cell_of,
     cells_of,
-    cells_within,
     jit,
     renyi_entropy,
-    room_within,
     shannon_entropy,
     unknown,
 )
@@ -228,20 +226,19 @@ def _bearings(nodes: Nodes) -> Array:
     return np.asarray(angles)
 
 
-def _shannon_in_range(nodes: Nodes) -> Array:
-    scenario = nodes.observation.scenario
-    entropies = shannon_entropy(nodes.observation.belief.occupancy).reshape(-1)
-    return sum_in_range(entropies, nodes.positions, scenario.grid, scenario.sensor_range)
+def _shannon_in_view(nodes: Nodes) -> Array:
+    belief = nodes.observation.belief
+    return sums_in_view(belief.view(nodes.positions), shannon_entropy(belief.occupancy).reshape(-1))
 
 
 @jit
-def sum_in_range(values: Array, positions: Array, grid: Grid, reach: float) -> Array:
-    """Sum of the cells' values, shape (n_g,), over those whose centre lies within reach of each position."""
-    sums = np.zeros(positions.shape[0])
-    cells, ways = room_within(grid, reach)
-    for i in range(positions.shape[0]):
-        for k in range(cells_within(grid, positions[i, 0], positions[i, 1], reach, cells, ways)):
-            sums[i] += values[cells[k]]
+def sums_in_view(view: NDArray[np.bool_], values: Array) -> Array:
+    """Sum of the cells' values, shape (n_g,), over those in each view, shape (K, n_g), in ascending order; (K,)."""
+    sums = np.zeros(view.shape[0])
+    for i in range(view.shape[0]):
+        for cell in range(view.shape[1]):
+            if view[i, cell]:
+                sums[i] += values[cell]
     return sums
 
 
@@ -269,7 +266,7 @@ FEATURES: dict[str, Feature] = {
     "distance": Feature("d", "m", 10.0, "straight distance from the robot (Eq. 4)", _distances),
     "path_length": Feature("d", "m", 10.0, "the same, of a candidate along the planned path", _path_lengths),
     "bearing": Feature("φ", "rad", np.pi, "angle from the heading (Eq. 4)", _bearings),
-    "shannon": Feature("H_γ", "bit", 10.0, "Shannon entropy summed over the cells in range (Eq. 5)", _shannon_in_range),
+    "shannon": Feature("H_γ", "bit", 10.0, "Shannon entropy summed over the cells in view (Eq. 5)", _shannon_in_view),
     "cell_shannon": Feature(
         "H_γ",
         "bit",

@@ -48,8 +48,15 @@ class Prediction(Protocol):
 class Graph(Protocol):
     """The graph behind a belief, each kind of world's own: it knows how the belief goes on."""
 
+    @property
+    def closures(self) -> NDArray[np.int64]:
+        """Numbers of the two poses (earlier, later) that each loop closure so far joined, shape (L, 2)."""
+
     def predict(self, belief: Belief, places: Array) -> Prediction:
         """Propagate the belief along places [m] to drive through in order, shape (P, 2)."""
+
+    def view(self, scenario: Scenario, places: Array) -> NDArray[np.bool_]:
+        """Cells that are in view from places [m], shape (K, 2), as `Belief.view` gives them: shape (K, n_g)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +125,21 @@ class Belief:
     def virtual_traces(self) -> Array:
         """Trace of each virtual landmark's covariance [m²], shape (rows, columns)."""
         return np.asarray(self.virtual_map[..., 0] + self.virtual_map[..., 2])
+
+    def view(self, places: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each cell of the grid of decisions is expected to be in view from places [m], shape (K, 2).
+
+        Its centre lies within the sensor's range, and where walls hide what is behind them no wall that is believed in
+        stands between. Gives (K, n_g).
+
+        Raises
+        ------
+        ValueError : where the places are not of that shape, or one of them is not finite.
+        """
+        points = np.ascontiguousarray(places, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise ValueError(f"places of shape {points.shape} are no finite points [m] of shape (K, 2); give such")
+        return self.graph.view(self.scenario, points)
 
     def predict(self, path: ArrayLike) -> Prediction:
         """Propagate the belief along a path that was not driven yet, with measurements as expected ([25]).

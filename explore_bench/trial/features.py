@@ -23,9 +23,9 @@ CANDIDATE_COLUMNS = {
     "left": "the same, across the heading",
     "length": "length of its path L, as L / (L + 10 m)",
     "turn": "angle from the heading to the path's first waypoint, magnitude in π",
-    "unknown": "unknown cells within sensor range of it, as a share of a full view",
+    "unknown": "unknown cells in view from it, as a share of a full view",
     "trace": "trace of the virtual landmark's covariance there, as a share of the prior's",
-    "view_trace": "the same, mean over the known cells within sensor range of it",
+    "view_trace": "the same, mean over the known cells in view from it",
     "landmark": "nearness r / (r + d) of the nearest landmark seen, r the sensor's range; 0 while none is seen",
 }
 """Columns of a candidate's features and their meaning, in order."""
@@ -99,7 +99,7 @@ def _candidates(observation: Observation) -> Array:
     distances = np.hypot(*offsets.T)
     bearings = np.arctan2(offsets[:, 1], offsets[:, 0]) - heading
     near = distances / (distances + DISTANCE)
-    view = scenario.grid.in_reach(observation.positions, scenario.sensor_range)
+    view = belief.view(observation.positions)
     traces = belief.virtual_traces.reshape(-1) / (2.0 * scenario.virtual_sigma**2)
     seen = view & belief.known.reshape(-1)
     columns = (

@@ -10,7 +10,7 @@ import pytest
 from handmade import TINY
 from hypothesis import given, settings, strategies as st
 
-from baselines.learned.graph import sum_in_range
+from baselines.learned.graph import sums_in_view
 from explore_bench.geometry import between, centre_of
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.strategies.contract import Observation
@@ -59,6 +59,7 @@ def seen_by_hand():
         uncertainty=200.0,
         peak_trace=float(np.trace(covariances[0])),
         explored=0.4,
+        view=lambda places: scenario.grid.in_reach(places, scenario.sensor_range),
     )
     cells = np.array([23, 63])  # (7, 5) m, to the right, and (7, 13) m, ahead
     paths = np.array([22, 23]), np.array([22, 32, 42, 52, 63])
@@ -147,7 +148,7 @@ def test_places_are_those_in_the_robot_s_frame():
 def test_unknown_cells_in_view_are_those_that_another_sum_finds():
     for observation in observations(PAPER.replace(size=30.0)):
         unknown = (~observation.belief.known).astype(float).reshape(-1)
-        sums = sum_in_range(unknown, observation.positions, observation.scenario.grid, 5.0)
+        sums = sums_in_view(observation.belief.view(observation.positions), unknown)
         seen = features(observation)
         assert column(seen, "unknown") * 21.0 == pytest.approx(sums[seen.order], abs=1e-4)
 

@@ -26,6 +26,7 @@ from explore_bench.robot.virtual_map import (
     uncertainty,
 )
 from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,18 @@ class LandmarkGraph:
     linearization: Linearization
     elimination: Elimination
 
+    @property
+    def closures(self) -> NDArray[np.int64]:
+        """None, shape (0, 2): what is seen again is a landmark, and no pose is joined to another."""
+        return np.empty((0, 2), dtype=np.int64)
+
     def predict(self, belief: Belief, places: Array) -> LandmarkPrediction:
         """Propagate the belief exactly along places [m] to drive through in order, shape (P, 2)."""
         return _predict(belief, self.elimination, places)
+
+    def view(self, scenario: Scenario, places: Array) -> NDArray[np.bool_]:
+        """Cells whose centre lies within the sensor's range of places [m], shape (K, 2); gives (K, n_g)."""
+        return scenario.grid.in_reach(places, scenario.sensor_range)
 
 
 def _physics(belief: Belief) -> LandmarkScenario:

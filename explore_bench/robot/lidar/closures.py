@@ -16,6 +16,9 @@ NEAR = 4.0
 CHAIN = 6
 """Fewest consecutive key poses to be matched with: fewer show too little of a place."""
 
+LOOP_SPACING, LINK_SPACING = 4, 10
+"""Every so many key poses a loop, or a link to a chain that is linked, is looked for: those between say the same."""
+
 
 class Chain(NamedTuple):
     """Consecutive key poses near the newest one.
@@ -38,16 +41,28 @@ def chains(poses: Array, links: Sequence[Sequence[int]], end: int) -> list[Chain
 
     `links` holds, for each pose, the numbers of those that a factor joins to it.
     """
+    return _chains(poses, links, end, (True, False))
+
+
+def chains_due(poses: Array, links: Sequence[Sequence[int]], end: int) -> list[Chain]:
+    """Those of the `chains` with which the newest pose is to be matched: not every pose looks for all of them."""
+    newest = len(poses) - 1
+    due = tuple(linked for linked, spacing in ((True, LINK_SPACING), (False, LOOP_SPACING)) if newest % spacing == 0)
+    return _chains(poses, links, end, due) if due else []
+
+
+def _chains(poses: Array, links: Sequence[Sequence[int]], end: int, kinds: tuple[bool, ...]) -> list[Chain]:
     newest = len(poses) - 1
     distances = np.hypot(*(poses[:, :2] - poses[newest, :2]).T)
     near = distances <= NEAR
+    if not near[:end].any():
+        return []
     linked = _linked(near, links, newest)
     found = []
-    for whether in (True, False):
-        members = near[:end] & (linked[:end] == whether)
-        for first, stop in _runs(members):
+    for kind in kinds:
+        for first, stop in _runs(near[:end] & (linked[:end] == kind)):
             if stop - first >= CHAIN:
-                found.append(Chain(first, stop, first + int(distances[first:stop].argmin()), whether))
+                found.append(Chain(first, stop, first + int(distances[first:stop].argmin()), kind))
     return found
 
 

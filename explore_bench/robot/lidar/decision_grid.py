@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import TAU, Array
+from explore_bench.geometry import TAU, Array, Grid, cells_within, room_within
+from explore_bench.geometry.rays import cast
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.signals import FREE, HIDDEN
@@ -49,23 +51,73 @@ def patch_reach(scenario: LidarScenario) -> int:
 
 
 @jit
+def _is_reached(x: float, y: float, cell_size: float, sensor_range: float, ranges: Array) -> bool:
+    """Whether the beams of a scan, which start along x, reach the cell around (x, y) [m]."""
+    reached = 0
+    for a in range(_SAMPLES):
+        for b in range(_SAMPLES):
+            u = x + ((b + 0.5) / _SAMPLES - 0.5) * cell_size
+            v = y + ((a + 0.5) / _SAMPLES - 0.5) * cell_size
+            beam = int(round(math.atan2(v, u) / TAU * ranges.shape[0])) % ranges.shape[0]
+            distance = math.hypot(u, v)
+            reached += distance <= sensor_range and ranges[beam] >= distance
+    return reached >= SEEN_SHARE * _SAMPLES * _SAMPLES
+
+
 def seen_patch(ranges: Array, sensor_range: float, cell_size: float, reach: int) -> NDArray[np.uint8]:
     """Cells around the robot, in its own frame, that a scan reaches: FREE, or else HIDDEN.
 
     The patch has 2 · reach + 1 cells a side, the robot in the middle of the middle one; see `signals.Patch`.
     """
+    return _patch(ranges, sensor_range, *_samples(len(ranges), cell_size, reach))
+
+
+@cache
+def _samples(beams: int, cell_size: float, reach: int) -> tuple[NDArray[np.int64], Array]:
+    """Beam towards each place of each cell of a patch, and how far it is [m]: the same for every scan; (P, P, S²)."""
+    offsets = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+    places = (np.arange(-reach, reach + 1)[:, None] + offsets) * cell_size
     side = 2 * reach + 1
+    x, y = np.broadcast_arrays(places[None, :, None, :], places[:, None, :, None])
+    towards = np.rint(np.arctan2(y, x) / TAU * beams).astype(np.int64) % beams
+    return towards.reshape(side, side, -1), np.hypot(x, y).reshape(side, side, -1)
+
+
+@jit
+def _patch(ranges: Array, sensor_range: float, beams: NDArray[np.int64], distances: Array) -> NDArray[np.uint8]:
+    side, _, count = beams.shape
     patch = np.empty((side, side), dtype=np.uint8)
-    beams = ranges.shape[0]
     for i in range(side):
         for j in range(side):
             reached = 0
-            for a in range(_SAMPLES):
-                for b in range(_SAMPLES):
-                    x = (j - reach + (b + 0.5) / _SAMPLES - 0.5) * cell_size
-                    y = (i - reach + (a + 0.5) / _SAMPLES - 0.5) * cell_size
-                    beam = int(round(math.atan2(y, x) / TAU * beams)) % beams
-                    distance = math.hypot(x, y)
-                    reached += distance <= sensor_range and ranges[beam] >= distance
-            patch[i, j] = FREE if reached >= SEEN_SHARE * _SAMPLES * _SAMPLES else HIDDEN
+            for k in range(count):
+                distance = distances[i, j, k]
+                reached += distance <= sensor_range and ranges[beams[i, j, k]] >= distance
+            patch[i, j] = FREE if reached >= SEEN_SHARE * count else HIDDEN
     return patch
+
+
+@jit
+def cells_in_view(
+    places: Array,
+    sensor_range: float,
+    beams: int,
+    occupied: NDArray[np.bool_],
+    leaps: NDArray[np.float32],
+    fine: Grid,
+    grid: Grid,
+) -> NDArray[np.bool_]:
+    """Cells of a grid within range of places [m], shape (K, 2), that beams cast in a fine map reach; gives (K, n_g).
+
+    Parameters
+    ----------
+    occupied, leaps : walls of the fine map, and `rays.leaps` of them; shapes of the grid `fine`.
+    """
+    view = np.zeros((places.shape[0], grid.rows * grid.columns), dtype=np.bool_)
+    cells, ways = room_within(grid, sensor_range)
+    for i in range(places.shape[0]):
+        x, y = places[i, 0], places[i, 1]
+        ranges = cast((x, y, 0.0), beams, sensor_range, occupied, leaps, fine)
+        for k in range(cells_within(grid, x, y, sensor_range, cells, ways)):
+            view[i, cells[k]] = _is_reached(ways[k, 0], ways[k, 1], grid.resolution, sensor_range, ranges)
+    return view

@@ -20,43 +20,42 @@ class TailFilter:
     Attributes
     ----------
     numbers : of these poses, ascending, the newest last.
+    joint : their covariance, shape (3K, 3K), in each pose's own frame.
     """
 
     def __init__(self, numbers: list[int], joint: Array) -> None:
-        self.numbers, self._joint = numbers, joint
+        self.numbers, self.joint = numbers, joint
 
     def advance(self, motion: Pose, covariance: Array) -> None:
         """Add a pose that odometry leads to from the newest; covariance in the frame of the new one."""
         carry = adjoint_of_inverse(motion)
-        size = len(self._joint)
+        size = len(self.joint)
         joint = np.empty((size + 3, size + 3))
-        joint[:size, :size] = self._joint
-        joint[size:, :size] = carry @ self._joint[size - 3 :]
+        joint[:size, :size] = self.joint
+        joint[size:, :size] = carry @ self.joint[size - 3 :]
         joint[:size, size:] = joint[size:, :size].T
-        joint[size:, size:] = carry @ self._joint[size - 3 :, size - 3 :] @ carry.T + covariance
-        self._joint = joint
+        joint[size:, size:] = carry @ self.joint[size - 3 :, size - 3 :] @ carry.T + covariance
+        self.joint = joint
         self.numbers.append(self.numbers[-1] + 1)
 
     def measure(self, earlier: int, motion: Pose, covariance: Array) -> None:
         """Take in where the newest pose is, seen from an earlier one of those that are kept."""
-        place = 3 * self.numbers.index(earlier)
-        size = len(self._joint)
-        model = np.zeros((3, size))
-        model[:, size - 3 :] = np.eye(3)
-        model[:, place : place + 3] -= adjoint_of_inverse(motion)
-        spread = self._joint @ model.T
-        gain = np.linalg.solve(model @ spread + covariance, spread.T).T
-        self._joint = self._joint - gain @ spread.T
+        place = slice(3 * self.numbers.index(earlier), 3 * self.numbers.index(earlier) + 3)
+        carry = adjoint_of_inverse(motion)
+        spread = self.joint[:, -3:] - self.joint[:, place] @ carry.T
+        surprise = spread[-3:] - carry @ spread[place] + covariance
+        whitened = np.linalg.solve(np.linalg.cholesky(surprise), spread.T)
+        self.joint = self.joint - whitened.T @ whitened  # symmetric to the last digit: what is not, grows
 
     def keep(self, numbers: list[int]) -> None:
         """Forget all but these poses and the newest."""
         kept = [number for number in self.numbers if number in numbers or number == self.numbers[-1]]
         rows = np.concatenate([3 * self.numbers.index(number) + np.arange(3) for number in kept])
-        self._joint, self.numbers = self._joint[np.ix_(rows, rows)], kept
+        self.joint, self.numbers = self.joint[np.ix_(rows, rows)], kept
 
     def newest(self, heading: float) -> Array:
         """Covariance of the newest pose in the world's axes, shape (3, 3)."""
-        return rotated(self._joint[-3:, -3:], heading)
+        return rotated(self.joint[-3:, -3:], heading)
 
 
 def adjoint_of_inverse(motion: Pose) -> Array:
@@ -69,6 +68,14 @@ def adjoint_of_inverse(motion: Pose) -> Array:
 
 def rotated(covariance: Array, angle: float) -> Array:
     """Covariance of a pose's error, shape (3, 3), from axes that an angle [rad] turned, in the axes before."""
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = turns_of(np.array([angle]))[0]
     return np.asarray(turn @ covariance @ turn.T)
+
+
+def turns_of(headings: Array) -> Array:
+    """Matrices from each pose's own axes to the world's, shape (N, 3, 3)."""
+    turns = np.zeros((len(headings), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(headings)
+    turns[:, 1, 0] = np.sin(headings)
+    turns[:, 0, 1], turns[:, 2, 2] = -turns[:, 1, 0], 1.0
+    return turns

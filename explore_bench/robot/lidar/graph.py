@@ -8,27 +8,26 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from explore_bench.geometry import Array, Pose, between, compose, wrap_angle
 from explore_bench.geometry.rays import cast, leaps
 from explore_bench.robot.belief import Belief, FineMap, peak_traces
-from explore_bench.robot.lidar.closures import chains
-from explore_bench.robot.lidar.decision_grid import patch_reach, seen_patch
-from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
+from explore_bench.robot.lidar.closures import chains_due
+from explore_bench.robot.lidar.decision_grid import cells_in_view, patch_reach, seen_patch
+from explore_bench.robot.lidar.filtering import TailFilter, turns_of
+from explore_bench.robot.lidar.odometry import OdometryModel
+from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, Posterior
 from explore_bench.robot.lidar.slam import (
     KEY_DISTANCE,
     KEY_TURN,
-    LINK_SPACING,
-    LOOP_SPACING,
+    MATCH_COVARIANCE,
     WINDOW,
     anchor_at,
-    odometry_covariance,
 )
 from explore_bench.robot.virtual_map import constants_of, fuse_poses, key_poses, prior_of, uncertainty
 from explore_bench.world.lidar.scenario import LidarScenario
-
-EXPECTED = np.diag((0.003**2, 0.003**2, 0.0008**2))
-"""Covariance of a match that is expected [m, rad]: about the median of those that are made."""
+from explore_bench.world.scenario import Scenario
 
 EXPECTED_LAG = 20
 """A match that is expected is measured from the surfaces of so many key poses before."""
@@ -114,23 +113,89 @@ class LidarGraph:
 
     Attributes
     ----------
-    links : factors between key poses.
+    poses : estimates of the key poses, shape (N, 3).
+    links : factors between them.
+    odometry : what is known of it.
     fine : the map that was made of their scans.
     """
 
+    poses: Array
     links: tuple[Link, ...]
+    odometry: OdometryModel
     fine: FineMap
+
+    @property
+    def closures(self) -> NDArray[np.int64]:
+        """Numbers of the two key poses (earlier, later) that each loop closure so far joined, shape (L, 2)."""
+        closed = [(link.earlier, link.later) for link in self.links if link.robust]  # none other may be wrong
+        return np.array(closed, dtype=np.int64).reshape(-1, 2)
 
     def predict(self, belief: Belief, places: Array) -> LidarPrediction:
         """Propagate the belief along places [m] to drive through in order, shape (P, 2)."""
         poses = _key_poses(belief.pose, places)
         links, closures = self._expected(belief, poses)
-        graph = PoseGraph(_pose(belief.poses[0]))
-        for pose in (*belief.poses[1:], *poses):
+        return LidarPrediction(belief, self, poses, closures, self._covariances(belief, poses, links))
+
+    @cached_property
+    def _posterior(self) -> Posterior:
+        graph = PoseGraph(_pose(self.poses[0]))
+        for pose in self.poses[1:]:
             graph.add_pose(_pose(pose))
-        for link in (*self.links, *links):
+        for link in self.links:
             graph.add_link(link)
-        return LidarPrediction(belief, self, poses, closures, graph.covariances()[0])
+        return graph.posterior()
+
+    def _covariances(self, belief: Belief, poses: Array, links: list[Link]) -> Array:
+        """Marginals in the world frame of the past key poses and the predicted ones, shape (N + K, 3, 3).
+
+        Exact at the cost of a filter over the poses to which a link leads: what these learn is then carried over to
+        all others, with which they are correlated. `links` come by their later pose, odometry first.
+        """
+        past = len(belief.poses)
+        tied = sorted({link.earlier for link in links if link.earlier < past})
+        size = 3 * len(tied)
+        columns = self._posterior.columns(tied)
+        before = columns[np.add.outer(3 * np.array(tied), np.arange(3)).ravel()]
+        ahead = TailFilter(list(tied), before)
+        for link in links:
+            if link.later > ahead.numbers[-1]:
+                ahead.advance(link.motion, link.covariance)
+            else:
+                ahead.measure(link.earlier, link.motion, link.covariance)
+        gain = np.linalg.solve(before, columns.T).T
+        carried = (gain @ (ahead.joint[:size, :size] - before)).reshape(past, 3, size)
+        learned = np.einsum("pik,pjk->pij", carried, gain.reshape(past, 3, size))
+        count = len(poses)
+        blocks = ahead.joint[size:, size:].reshape(count, 3, count, 3)
+        new = np.einsum("kikj->kij", blocks)
+        turns = turns_of(np.concatenate((belief.poses[:, 2], poses[:, 2])))
+        turned = turns @ np.concatenate((learned, new)) @ turns.transpose(0, 2, 1)
+        turned[:past] += belief.pose_covariances
+        return np.asarray(turned)
+
+    def view(self, scenario: Scenario, places: Array) -> NDArray[np.bool_]:
+        """Cells that a scan from places [m], shape (K, 2), would reach if the map was all there is; gives (K, n_g).
+
+        From a place inside a wall it is the view from the nearest free cell of the map.
+        """
+        fine = self.fine
+        columns, rows = np.floor((places.T - [[fine.grid.x0], [fine.grid.y0]]) / fine.grid.resolution).astype(int)
+        inside = (columns >= 0) & (columns < fine.grid.columns) & (rows >= 0) & (rows < fine.grid.rows)
+        walled = np.zeros(len(places), dtype=bool)
+        walled[inside] = fine.occupied[rows[inside], columns[inside]]
+        if walled.any():
+            nearest = self._nearest_free[:, rows[walled], columns[walled]]
+            places = places.copy()
+            places[walled] = fine.grid.centres(nearest[0] * fine.grid.columns + nearest[1])
+        reach = scenario.sensor_range
+        return cells_in_view(places, reach, EXPECTED_BEAMS, fine.occupied, self.leaps, fine.grid, scenario.grid)
+
+    @cached_property
+    def _nearest_free(self) -> NDArray[np.int32]:
+        """Row and column of the free cell nearest to each cell of the map, shape (2, rows, columns)."""
+        walls = ~(self.fine.known & ~self.fine.occupied)
+        found: NDArray[np.int32] = ndimage.distance_transform_edt(walls, return_distances=False, return_indices=True)
+        return found
 
     @cached_property
     def leaps(self) -> NDArray[np.float32]:
@@ -139,7 +204,6 @@ class LidarGraph:
 
     def _expected(self, belief: Belief, poses: Array) -> tuple[list[Link], int]:
         """Links that the predicted key poses would bring, and how many of them close a loop."""
-        scenario = _physics(belief)
         past = len(belief.poses)
         trajectory = np.concatenate((belief.poses, poses))
         joined: list[list[int]] = [[] for _ in trajectory]
@@ -158,12 +222,11 @@ class LidarGraph:
         for newest in range(past, len(trajectory)):
             motion = between(_pose(trajectory[newest - 1]), _pose(trajectory[newest]))
             length, turned = math.hypot(motion[0], motion[1]), abs(motion[2])
-            add(newest - 1, newest, odometry_covariance(scenario, motion, length, turned))
-            add(anchor_at(max(newest - EXPECTED_LAG, 0), newest), newest, EXPECTED)
-            for chain in chains(trajectory[: newest + 1], joined, max(newest - WINDOW, 0)):
-                if newest % (LINK_SPACING if chain.linked else LOOP_SPACING) == 0:
-                    closures += not chain.linked
-                    add(chain.closest, newest, EXPECTED, not chain.linked)
+            add(newest - 1, newest, self.odometry.covariance(motion, length, turned) + MATCH_COVARIANCE)
+            add(anchor_at(max(newest - EXPECTED_LAG, 0), newest), newest, MATCH_COVARIANCE)
+            for chain in chains_due(trajectory[: newest + 1], joined, max(newest - WINDOW, 0)):
+                closures += not chain.linked
+                add(chain.closest, newest, MATCH_COVARIANCE, not chain.linked)
         return links, closures
 
 

@@ -66,7 +66,7 @@ class Mapper:
             virtual_map=self.virtual_map.covariances.copy().reshape(*shape, 3),
             uncertainty=self.virtual_map.uncertainty,
             peak_trace=self.peak_traces[0],
-            graph=LidarGraph(tuple(slam.links), fine),
+            graph=LidarGraph(slam.poses.copy(), tuple(slam.links), slam.odometry, fine),
             fine=fine,
         )
         freeze(belief)

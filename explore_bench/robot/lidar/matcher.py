@@ -363,7 +363,7 @@ def _climb(
             to = here[axis] + (size if above > below else -size)
             if max(below, above) > best and abs(to - start[axis]) <= widest[axis]:
                 here[axis], best, moved = to, max(below, above), True
-            elif last and not moved and below + above < 2.0 * best:
+            elif last and not moved and max(below, above) <= best and below + above < 2.0 * best:
                 here[axis] += 0.5 * size * (above - below) / (2.0 * best - below - above)
         if not moved:
             if last:

@@ -7,8 +7,11 @@ from typing import NamedTuple
 
 import gtsam
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from explore_bench.geometry import Array, Pose
+from explore_bench.robot.lidar.filtering import turns_of
 
 START_SIGMAS = 0.001, 0.001, 0.0002
 """Prior of the first pose [m, m, rad]: the map begins where the robot does."""
@@ -70,13 +73,41 @@ class PoseGraph:
         """
         marginals = gtsam.Marginals(self._graph, self._values)
         own = np.array([marginals.marginalCovariance(number) for number in range(self._count)])
-        poses = gtsam.utilities.extractPose2(self._values)
-        turn = np.zeros_like(own)
-        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(poses[:, 2])
-        turn[:, 1, 0] = np.sin(poses[:, 2])
-        turn[:, 0, 1], turn[:, 2, 2] = -turn[:, 1, 0], 1.0
+        turn = turns_of(gtsam.utilities.extractPose2(self._values)[:, 2])
         joint = marginals.jointMarginalCovariance(list(together)).fullMatrix() if together else np.empty((0, 0))
         return np.asarray(turn @ own @ turn.transpose(0, 2, 1)), joint
+
+    def posterior(self) -> Posterior:
+        """Joint distribution of all poses as they are now."""
+        rows, columns, values = np.asarray(self._graph.linearize(self._values).sparseJacobian_())
+        kept = columns <= 3 * self._count  # the one after them is the right-hand side
+        places = rows[kept].astype(int) - 1, columns[kept].astype(int) - 1
+        model = sparse.csc_matrix((values[kept], places), shape=(int(rows.max()), 3 * self._count))
+        return Posterior(model)
+
+
+class Posterior:
+    """Joint covariance of all key poses, of which columns are computed as they are asked for.
+
+    Parameters
+    ----------
+    model : whitened Jacobian of all factors, shape (F, 3N), in each pose's own frame.
+    """
+
+    def __init__(self, model: sparse.csc_matrix) -> None:
+        self._factor = splu((model.T @ model).tocsc())
+        self._size = model.shape[1]
+        self._columns: dict[int, Array] = {}
+
+    def columns(self, numbers: Sequence[int]) -> Array:
+        """Covariance of all N poses with K of them, shape (3N, 3K), in each pose's own frame."""
+        new = [number for number in numbers if number not in self._columns]
+        if new:
+            unit = np.zeros((self._size, 3 * len(new)))
+            unit[np.add.outer(3 * np.array(new), np.arange(3)).ravel(), np.arange(3 * len(new))] = 1.0
+            solved = self._factor.solve(unit)
+            self._columns |= {number: solved[:, 3 * i : 3 * i + 3] for i, number in enumerate(new)}
+        return np.hstack([self._columns[number] for number in numbers])
 
 
 def _sigmas(values: tuple[float, ...]) -> gtsam.noiseModel.Diagonal:

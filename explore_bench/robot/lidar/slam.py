@@ -14,10 +14,11 @@ import math
 import numpy as np
 
 from explore_bench.geometry import Array, Pose, between, compose
-from explore_bench.robot.lidar.closures import chains
+from explore_bench.robot.lidar.closures import chains_due
 from explore_bench.robot.lidar.filtering import TailFilter, rotated
 from explore_bench.robot.lidar.grid_map import GridMap
-from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match, Matcher, Surfaces, surfaces_of
+from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match, Matcher, Surfaces, Window, surfaces_of
+from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
 from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.world.lidar.scenario import LidarScenario
@@ -41,17 +42,17 @@ LINK_RESPONSE, LOOP_RESPONSE = 0.65, 0.65
 LOOP_SIGMA, LOOP_CORRECTION = 0.1, 0.5
 """A loop is closed only where the match is sure to this [m], and moves the robot by no more than that [m]."""
 
-LEAST_SIGMA = 0.001
-"""Least noise of odometry [m or rad]: with a thousandth of that a long drive without a match is no longer solvable."""
-
 PRIOR_SIGMAS = 0.01, 0.01, 0.01
 """What a search adds to the noise of odometry [m, rad]: its bias is the same at every step, and would pull for ever."""
 
+MATCH_COVARIANCE = np.diag(np.square((0.003, 0.003, 0.0008)))
+"""Covariance of a match [m, rad]: about the median of those that are made."""
+
+WINDOW_SIGMAS, WIDEST_TURN = 3.0, math.radians(45.0)
+"""A match searches at least so many standard deviations of odometry's noise, and at most so far a turn [rad]."""
+
 CHAIN_SIGMAS = 0.01, 0.01, 0.003
 """What a match with a chain leaves open of where its closest pose is: the chain bends, and others tell of it, too."""
-
-LOOP_SPACING, LINK_SPACING = 4, 10
-"""Every so many key poses a loop, or a link to a chain that is linked, is looked for: those between say the same."""
 
 REFRESH, REFRESH_SHARE = 10, 0.1
 """All marginals are computed anew after so many key poses, or when so many more as a share of all have been added: what
@@ -67,6 +68,7 @@ class Slam:
     covariances : marginal of each in the world frame, shape (N, 3, 3); between two refreshes a pose keeps what it had.
     links : all that is known of one key pose in the frame of another.
     closures : those of them that closed a loop.
+    odometry : what is known of it.
     map : of all scans, each placed by the estimate of its pose.
     unmatched : scans in a row that matched nothing.
     refreshed : how often the marginals of all key poses were computed anew.
@@ -76,6 +78,7 @@ class Slam:
         self.scenario, self._lap = scenario, lap
         self._graph = PoseGraph(start)
         self._matcher = Matcher(scenario.sensor_range)
+        self.odometry = OdometryModel.of(scenario)
         self.map = GridMap(scenario)
         self.poses: Array = np.array([start])
         self.covariances: Array
@@ -87,6 +90,7 @@ class Slam:
         self._ranges: list[Array] = []
         self._placed: list[Pose] = []
         self._keep(scan, start)
+        self._last_match: Array | None = np.zeros(3)  # variances along, across and of the heading
         self.refresh()
 
     @property
@@ -105,9 +109,9 @@ class Slam:
         """
         newest = len(self.poses)
         last = self.pose
-        noise = odometry_covariance(self.scenario, motion, length, turned)
+        noise = self.odometry.covariance(motion, length, turned)
         surfaces = surfaces_of(scan.ranges, self.scenario.sensor_range)
-        prediction = compose(last, motion)
+        prediction = compose(last, self.odometry.corrected(motion))
         doubt = rotated(noise + np.diag(np.square(PRIOR_SIGMAS)), prediction[2])
         first = max(newest - WINDOW, 0)
         match = self._matcher.match(
@@ -116,6 +120,7 @@ class Slam:
             np.asarray(np.linalg.inv(doubt), dtype=float),
             self._frames[first:],
             self.poses[first:],
+            search_window(noise),
         )
         self._lap("match")
         found = match.response >= LEAST_RESPONSE
@@ -125,11 +130,16 @@ class Slam:
         self.poses = np.vstack((self.poses, pose))
         self._joined.append([])
         # odometry has had its say in the match; what it errs by every time would bend the whole graph a little
-        self._link(Link(newest - 1, newest, between(last, pose), noise))
+        step = noise + MATCH_COVARIANCE if found else noise
+        self._link(Link(newest - 1, newest, between(last, pose), step))
         if found:
             self._link_match(anchor_at(first + match.frame, newest), match)
         self._keep(scan, pose, surfaces)
-        self._tail.advance(between(last, pose), noise)
+        self._tail.advance(between(last, pose), step)
+        if found:
+            self._learn(motion, between(last, pose), match, length, turned)
+        else:
+            self._last_match = None
         if found:
             self._tail.measure(self.links[-1].earlier, self.links[-1].motion, self.links[-1].covariance)
         shift = self._look_back(first) if found else 0.0
@@ -175,13 +185,18 @@ class Slam:
         self._link(link)
         return link
 
+    def _learn(self, motion: Pose, made: Pose, match: Match, length: float, turned: float) -> None:
+        """Learn odometry's scale errors from a motion between two matches."""
+        own = np.diag(rotated(match.covariance, -match.pose[2]))
+        if self._last_match is not None:
+            self.odometry = self.odometry.learned(motion, made, self._last_match + own, length, turned)
+        self._last_match = own
+
     def _look_back(self, window_start: int) -> float:
         """Match the newest scan with what earlier key poses saw near by; returns the largest move of a key pose [m]."""
         newest = len(self.poses) - 1
         shift = 0.0
-        for chain in chains(self.poses, self._joined, window_start):
-            if newest % (LINK_SPACING if chain.linked else LOOP_SPACING):
-                continue
+        for chain in chains_due(self.poses, self._joined, window_start):
             pose = self.pose
             match = self._matcher.match(
                 self._frames[newest].hits,
@@ -231,14 +246,9 @@ def _ties(number: int) -> list[int]:
     return list(range(first, number, ANCHOR_SPACING))
 
 
-def odometry_covariance(scenario: LidarScenario, motion: Pose, length: float, turned: float) -> Array:
-    """Covariance of a motion that odometry measured, in the frame after it, shape (3, 3): its bias and white noise."""
-    bias, heading_bias = scenario.odometry_bias / math.sqrt(12.0), scenario.heading_bias / math.sqrt(12.0)
-    white = scenario.odometry_noise**2 * length + LEAST_SIGMA**2
-    return np.diag(
-        (
-            (bias * motion[0]) ** 2 + white,
-            (bias * motion[1]) ** 2 + white,
-            (heading_bias * motion[2]) ** 2 + scenario.heading_noise**2 * (length + turned) + LEAST_SIGMA**2,
-        )
+def search_window(noise: Array) -> Window:
+    """Search of a scan after a motion of this covariance, shape (3, 3): as far as odometry may have erred."""
+    reach, _, turn = (WINDOW_SIGMAS * np.sqrt(np.diag(noise))).tolist()
+    return SEQUENTIAL._replace(
+        reach=min(max(reach, SEQUENTIAL.reach), LOOP.reach), turn=min(max(turn, SEQUENTIAL.turn), WIDEST_TURN)
     )

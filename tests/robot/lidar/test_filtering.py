@@ -7,8 +7,8 @@ import pytest
 
 from explore_bench.geometry import between, compose
 from explore_bench.robot.lidar.filtering import TailFilter, adjoint_of_inverse, rotated
+from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
-from explore_bench.robot.lidar.slam import odometry_covariance
 from explore_bench.world.lidar.scenario import LidarScenario
 
 SCENARIO = LidarScenario()
@@ -39,7 +39,7 @@ def test_the_newest_covariance_is_that_of_full_marginals(seed, noisy):
     tail = TailFilter([0], graph.covariances([0])[1])
     for newest in range(1, 101):
         motion = (0.5, 0.02 * rng.standard_normal(), 0.4 * rng.standard_normal())
-        noise = odometry_covariance(SCENARIO, motion, 0.5, abs(motion[2]))
+        noise = OdometryModel.of(SCENARIO).covariance(motion, 0.5, abs(motion[2]))
         odometry = tuple(np.array(motion) + noisy * np.sqrt(np.diag(noise)) * rng.standard_normal(3))
         pose = compose(pose, motion)
         poses.append(pose)

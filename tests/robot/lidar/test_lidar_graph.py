@@ -9,9 +9,10 @@ from lidar_worlds import drawn, way_through
 
 from explore_bench.geometry import between, compose
 from explore_bench.robot.belief import Belief, FineMap, peak_traces
-from explore_bench.robot.lidar.graph import EXPECTED, EXPECTED_LAG, LidarGraph
+from explore_bench.robot.lidar.graph import EXPECTED_LAG, LidarGraph
+from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
-from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN, WINDOW, anchor_at, odometry_covariance
+from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN, MATCH_COVARIANCE, WINDOW, anchor_at
 from explore_bench.robot.virtual_map import prior_of
 from explore_bench.world.lidar.scenario import LidarScenario
 
@@ -24,8 +25,8 @@ def links_between(poses, start=0, scenario=SCENARIO, matched=MATCHED):
     found = []
     for newest in range(max(start, 1), len(poses)):
         motion = between(poses[newest - 1], poses[newest])
-        noise = odometry_covariance(scenario, motion, math.hypot(*motion[:2]), abs(motion[2]))
-        found.append(Link(newest - 1, newest, motion, noise))
+        noise = OdometryModel.of(scenario).covariance(motion, math.hypot(*motion[:2]), abs(motion[2]))
+        found.append(Link(newest - 1, newest, motion, noise + MATCH_COVARIANCE))
         anchor = anchor_at(max(newest - EXPECTED_LAG, 0), newest)
         found.append(Link(anchor, newest, between(poses[anchor], poses[newest]), matched))
     return found
@@ -62,7 +63,7 @@ def belief_of(*places, walls=(), scenario=SCENARIO):
         virtual_map=np.tile(prior_of(scenario), (edge, edge, 1)),
         uncertainty=2.0 * edge * edge,
         peak_trace=peak_traces(covariances)[0],
-        graph=LidarGraph(tuple(links), fine),
+        graph=LidarGraph(np.array(poses), tuple(links), OdometryModel.of(scenario), fine),
         fine=fine,
     )
 
@@ -98,7 +99,7 @@ def test_without_closures_covariances_are_those_of_a_graph_built_by_hand():
     assert prediction.sightings == 0
     poses = [tuple(pose) for pose in (*STRAIGHT.poses.tolist(), *prediction.poses.tolist())]
     past = len(STRAIGHT.poses)
-    links = [*STRAIGHT.graph.links, *links_between(poses, past, matched=EXPECTED)]
+    links = [*STRAIGHT.graph.links, *links_between(poses, past, matched=MATCH_COVARIANCE)]
     expected = marginals_of(poses, links)
     np.testing.assert_allclose(prediction.pose_covariances, expected, rtol=1e-9, atol=1e-15)
     assert prediction.peak_trace == pytest.approx(np.trace(expected, axis1=1, axis2=2).max())
@@ -177,3 +178,40 @@ def test_a_prediction_leaves_the_belief_as_it_was():
     assert STRAIGHT.graph.links == before[3]
     assert prediction.landmark_covariances.shape == (0, 2, 2)
     assert compose(STRAIGHT.pose, (0.0, 0.0, 0.0)) == pytest.approx(STRAIGHT.pose)
+
+
+def test_walls_hide_what_is_behind_them_and_range_ends_the_view():
+    """A wall from (8, 0) to (8, 12): from the west, cells east of it are hidden, and seen around its end."""
+    belief = belief_of((4.0, 4.0), (6.0, 4.0), walls=[(8.0, 8.3, 0.0, 12.0)])
+    grid = belief.scenario.grid
+    view = belief.view([[5.0, 5.0], [9.9, 5.0], [5.0, 15.0]])
+    assert view.shape == (3, grid.cells)
+
+    def sees(row, x, y):
+        return bool(view[row, grid.cell_of(x, y)])
+
+    assert sees(0, 5.0, 9.0)
+    assert not sees(0, 10.9, 5.0), "behind the wall"
+    assert sees(1, 10.9, 5.0)
+    assert not sees(1, 5.0, 5.0)
+    assert sees(2, 9.0, 15.0), "past the end of the wall"
+    assert not (view & ~grid.in_reach(np.array([[5.0, 5.0], [9.9, 5.0], [5.0, 15.0]]), 6.0)).any()
+
+
+def test_without_walls_the_view_is_what_is_in_reach():
+    belief = belief_of((4.0, 4.0), (6.0, 4.0))
+    places = np.array([[10.0, 10.0], [5.3, 12.1]])
+    np.testing.assert_array_equal(belief.view(places), SCENARIO.grid.in_reach(places, SCENARIO.sensor_range))
+
+
+def test_from_inside_a_wall_the_view_is_that_of_the_nearest_free_place():
+    belief = belief_of((4.0, 4.0), (6.0, 4.0), walls=[(8.0, 8.5, 0.0, 12.0)])
+    inside, beside = belief.view([[8.2, 5.0], [7.95, 5.0]])
+    assert inside.sum() > 5
+    np.testing.assert_array_equal(inside, beside)
+
+
+def test_what_are_no_places_is_said():
+    for wrong in ([1.0, 2.0], [[1.0, 2.0, 3.0]], [[np.nan, 2.0]]):
+        with pytest.raises(ValueError, match="places"):
+            STRAIGHT.view(wrong)

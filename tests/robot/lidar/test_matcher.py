@@ -381,3 +381,15 @@ def test_a_matcher_keeps_nothing_of_the_last_match():
     assert again.pose == fresh.pose
     assert again.response == fresh.response
     assert ranges_at(world, truth).min() > 0.3
+
+
+def test_no_climb_leaves_the_window_wherever_the_scan_is():
+    """A parabola through three samples has its top between them only where the middle one is the highest."""
+    rng = np.random.default_rng(0)
+    room = surfaces_of(np.full(360, 2.0), 5.0)
+    for _ in range(60):
+        frame = Surfaces(*(part[: rng.integers(1, 12)] for part in room))
+        pose = (*rng.uniform(-4.0, 4.0, 2).tolist(), float(rng.uniform(-3.0, 3.0)))
+        match = Matcher(5.0).match(frame.hits, pose, NO_PRIOR, [room], np.zeros((1, 3)), LOOP)
+        assert math.hypot(match.pose[0] - pose[0], match.pose[1] - pose[1]) <= 1.2
+        assert np.isfinite(match.covariance).all()

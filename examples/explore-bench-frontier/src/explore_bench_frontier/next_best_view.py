@@ -36,8 +36,7 @@ class NextBestView:
 
 
 def unknown_area(observation: Observation) -> np.ndarray:
-    """Area of the unknown cells whose centres lie within sensor range of each candidate [m²], shape (C,)."""
-    scenario = observation.scenario
+    """Area of the unknown cells in view from each candidate [m²], shape (C,)."""
     unknown = ~observation.belief.known.reshape(-1)
-    view = scenario.grid.in_reach(observation.positions, scenario.sensor_range)
-    return (view & unknown).sum(axis=1) * scenario.grid.resolution**2
+    view = observation.belief.view(observation.positions)
+    return (view & unknown).sum(axis=1) * observation.scenario.grid.resolution**2
