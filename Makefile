@@ -3,32 +3,40 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-WORKERS := --numprocesses auto --maxprocesses 4
+WORKERS := --numprocesses auto --maxprocesses 4 --dist worksteal
 TRAININGS ?= 2
+
+# Runs a suite (1) into a folder (2) and reports it, also where trials failed; ends with the status of the run.
+suite = ($(BIN)/explore-bench run $(1) --results $(2); status=$$?; \
+	  $(BIN)/explore-bench report --results $(2) && exit $$status)
 
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean gate lint maps perf report reproduce robustness setup test test-slow train
+.PHONY: bench bench-smoke calibrate clean gate lint maps perf plans report reproduce robustness setup stage test \
+  test-slow train
 
-bench: $(READY)          ## Run the paper suite, then write every table and figure
-	@$(BIN)/explore-bench run paper; status=$$?; $(BIN)/explore-bench report && exit $$status
+bench: $(READY)          ## Run the paper suite, then write every table and figure; Figure 16 into results/figure16
+	@$(call suite,paper,results); status=$$?; $(call suite,figure16,results/figure16) && exit $$status
 
-bench-smoke: $(READY)    ## The same in under a minute, into results/smoke
-	@$(BIN)/explore-bench run smoke --results results/smoke; status=$$?; \
-	  $(BIN)/explore-bench report --results results/smoke && exit $$status
+bench-smoke: $(READY)    ## The paper's suite in small, in under a minute, into results/smoke
+	@$(call suite,smoke,results/smoke)
 
 robustness: $(READY)     ## Every strategy under other noise, ranges, densities and occlusion, into results/robustness
-	@$(BIN)/explore-bench run robustness --results results/robustness; status=$$?; \
-	  $(BIN)/explore-bench report --results results/robustness && exit $$status
+	@$(call suite,robustness,results/robustness)
+
+stage: $(READY)          ## The compared methods in lidar worlds at two ranges, into results/stage; some hours
+	@$(call suite,stage,results/stage)
+
+plans: $(READY)          ## Five methods in drawn floor plans with a lidar, into results/plans; some hours
+	@$(call suite,plans,results/plans)
 
 gate: $(READY)           ## Is a metric worse than results/reference tolerates? A minute, into results/gate
 	@$(BIN)/explore-bench run smoke -s nearest -s entropy -s uncertainty --trials 250 --results results/gate; \
 	  $(BIN)/explore-bench gate --results results/gate
 
 maps: $(READY)           ## The compared methods in the maps of the gallery, into results/maps
-	@$(BIN)/explore-bench run maps --results results/maps; status=$$?; \
-	  $(BIN)/explore-bench report --results results/maps && exit $$status
+	@$(call suite,maps,results/maps)
 
 report: $(READY)         ## Tables and figures from stored records
 	$(BIN)/explore-bench report

@@ -35,6 +35,7 @@ def _weights() -> dict[str, dict[int, str]]:
 
 _PAPER, _SHIPPED = _published(), _weights()
 _TABLE2, _TABLE3, _LAYERS = ("table2",), ("table3",), ("layers",)
+_PLANS, _FIGURE16 = ("plans",), ("figure16",)
 _STNN, _GCN, _TRAINER = (
     "baselines.learned.graph_stnn:strategy",
     "baselines.learned.gcn:strategy",
@@ -52,8 +53,10 @@ def _learned(name: str, factory: str, label: str, color: str, tables: tuple[str,
     _add(name, factory, label, color, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
 
 
-_learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_TABLE2, *_TABLE3, *_LAYERS))
-_learned("graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", "#ff7f0e", _TABLE2)
+_learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16))
+_learned(
+    "graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", "#ff7f0e", _TABLE2, suites=_PLANS
+)
 _learned("graph-stnn-path", _STNN, "Graph-STNN, path length", "#f7b6d2", _TABLE2, parameters={"distance": "path"})
 _learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", "#ff9896", _LAYERS, parameters={"layers": 1})
 _learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", "#98df8a", _LAYERS, parameters={"layers": 3})
@@ -77,8 +80,24 @@ for _name, _color, _off in (
     ("no-spatial-temporal", "#aec7e8", ("spatial", "temporal")),
 ):
     _learned(_name, _STNN, f"no {' and '.join(_off)}", _color, _TABLE3, parameters=dict.fromkeys(_off, False))
-_add("entropy", "baselines.entropy:Entropy", "Entropy", "#e69f00", _TABLE2)
+_add("entropy", "baselines.entropy:Entropy", "Entropy", "#e69f00", _TABLE2, suites=_PLANS)
 _add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", "#009e73", _TABLE2)
-_add("random", "baselines.random_walk:Random", "Random", "#7f7f7f", _TABLE2)
-_add("nearest", "baselines.nearest:Nearest", "Nearest", "#b07aa1", _TABLE2)
-_add("clairvoyant", "baselines.clairvoyant:Clairvoyant", "Clairvoyant", "#000000", _TABLE2, reference=True)
+_add("random", "baselines.random_walk:Random", "Random", "#7f7f7f", _TABLE2, suites=_PLANS)
+_add(
+    "nearest",
+    "baselines.nearest:Nearest",
+    "Nearest",
+    "#b07aa1",
+    _TABLE2,
+    baseline=True,
+    suites=(*_PLANS, *_FIGURE16),
+)
+_add(
+    "clairvoyant",
+    "baselines.clairvoyant:Clairvoyant",
+    "Clairvoyant",
+    "#000000",
+    _TABLE2,
+    reference=True,
+    kinds=("landmark",),
+)

@@ -22,13 +22,13 @@ import pandas as pd
 
 import explore_bench
 from explore_bench.analysis.csv_files import read_csv
-from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.metrics import METRICS, metrics_of
 from explore_bench.analysis.statistics import paired_difference
 from explore_bench.analysis.tables import by_world, seed_means
 from explore_bench.report.tables import signed_text
-from explore_bench.runs.perf import Part, Perf, text
+from explore_bench.runs.perf import read_json, text
 from explore_bench.strategies.registry import strategies
-from explore_bench.trial.snapshot import REPLAY_COLUMNS
+from explore_bench.trial.snapshot import FINE_COLUMNS, REPLAY_COLUMNS
 from explore_bench.trial.steps import FINAL_COLUMNS, step_columns
 from explore_bench.world.scenarios import PAPER
 
@@ -143,9 +143,25 @@ def map_order() -> str:
 
 def columns() -> str:
     """Columns of a shard with type, unit and meaning."""
-    rows = (step_columns("landmark") | FINAL_COLUMNS | REPLAY_COLUMNS).items()
+    rows = (step_columns("landmark") | FINAL_COLUMNS | REPLAY_COLUMNS | FINE_COLUMNS).items()
     table = [{"column": f"`{n}`", "type": c.dtype, "unit": c.unit, "meaning": c.meaning or "〃"} for n, c in rows]
     return _markdown(pd.DataFrame(table))
+
+
+def lidar_columns() -> str:
+    """Columns of a row that only lidar worlds have."""
+    rows = {name: column for name, column in step_columns("lidar").items() if name not in step_columns("landmark")}
+    table = [{"column": f"`{n}`", "type": c.dtype, "unit": c.unit, "meaning": c.meaning} for n, c in rows.items()]
+    return _markdown(pd.DataFrame(table))
+
+
+def lidar_metrics() -> str:
+    """Metrics that trials in lidar worlds have beside the common ones."""
+    rows = [
+        {"column": f"`{name}`", "unit": own.unit, "better": own.better or "–", "definition": own.equation}
+        for name, own in metrics_of("lidar").items()
+    ]
+    return _markdown(pd.DataFrame(rows))
 
 
 def public() -> str:
@@ -166,9 +182,7 @@ def _summary(name: str) -> str:
 
 def performance() -> str:
     """What `explore-bench perf` printed."""
-    values = json.loads((STUDIES / "perf.json").read_text(encoding="utf-8"))
-    perf = Perf(**{**values, "parts": [Part(**part) for part in values["parts"]]})
-    return f"```\n{text(perf)}\n```"
+    return f"```\n{text(read_json(STUDIES / 'perf.json'))}\n```"
 
 
 def weights() -> str:
@@ -362,6 +376,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "stage-slam": stage_slam,
     "map-order": map_order,
     "columns": columns,
+    "lidar-columns": lidar_columns,
+    "lidar-metrics": lidar_metrics,
     "public": public,
     "perf": performance,
     "weights": weights,

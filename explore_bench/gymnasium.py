@@ -36,8 +36,11 @@ except ModuleNotFoundError:
 from gymnasium import spaces
 from gymnasium.error import InvalidAction, ResetNeeded
 
-SIZES = (20, 30, 40)
-"""Edges [m] of the maps of the registered environments."""
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
+    **{f"ExploreBench-{size}m-v0": {"size": float(size)} for size in (20, 30, 40)},
+    "ExploreBench-Stage-v0": {"scenario": "stage"},
+}
+"""Registered ids: the maps of §4.1 by their edge [m], and the lidar world of §4.2; and what `ExploreEnv` is given."""
 
 MAX_TRIVIAL = 100
 """Worlds in a row that may end before the first decision; such worlds are passed over."""
@@ -172,14 +175,15 @@ class ExploreEnv(gymnasium.Env[Seen, np.int64]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'.")
             return None
-        from explore_bench.report.scene import Scene, scene_image
+        from explore_bench.report.moment import Scene
+        from explore_bench.report.scene import scene_image
 
         observation = process.observation
-        belief, cells = self._belief(), observation.candidates.tolist() if observation else None
+        shown = (observation.candidates.tolist(), observation.positions) if observation else ()
         columns = {
             name: np.array([getattr(row, name) for row in process.rows]) for name in step_columns(self.scenario.kind)
         }
-        return scene_image(Scene(self.scenario, process.world, columns, take_snapshot(belief, cells)))
+        return scene_image(Scene(self.scenario, process.world, columns, take_snapshot(self._belief(), *shown)))
 
     def _running(self) -> DecisionProcess:
         if self._process is None:
@@ -240,11 +244,10 @@ def _begin(course: Course, first: int) -> tuple[DecisionProcess, int]:
 
 
 def register() -> None:
-    """Register `ExploreBench-20m-v0`, `ExploreBench-30m-v0` and `ExploreBench-40m-v0`; again changes nothing."""
-    for size in SIZES:
-        name = f"ExploreBench-{size}m-v0"
+    """Register the ids of ENVIRONMENTS; again changes nothing."""
+    for name, options in ENVIRONMENTS.items():
         if name not in gymnasium.registry:
-            gymnasium.register(name, entry_point="explore_bench.gymnasium:ExploreEnv", kwargs={"size": float(size)})
+            gymnasium.register(name, entry_point="explore_bench.gymnasium:ExploreEnv", kwargs=options)
 
 
 register()

@@ -1,12 +1,6 @@
-"""What all tests share: property tests have no deadline, for a kernel may be compiled at its first call.
-
-With REQUIRE_EXTRAS set, as `.ci/run` does, a test that is skipped for want of a Python package fails: `make setup`
-installs them all. A browser it cannot install, so that those tests may be skipped anywhere.
-"""
+"""What all tests share: property tests have no deadline, for a kernel may be compiled at its first call."""
 
 import dataclasses
-import os
-import re
 import shutil
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +8,7 @@ from typing import NamedTuple
 import pytest
 from handmade import TINY, random_weights, tiny_plan
 from hypothesis import settings
+from required_packages import pytest_make_collect_report, pytest_runtest_makereport  # noqa: F401  (hooks)
 
 from explore_bench.records.store import Store
 from explore_bench.strategies.registry import strategies
@@ -22,30 +17,6 @@ from explore_bench.trial.spec import TrialSpec
 
 settings.register_profile("explore-bench", deadline=None)
 settings.load_profile("explore-bench")
-
-
-WANTING = re.compile(r"could not import|is missing: install the extra|is not installed")
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item, call):
-    """Fail what is skipped for want of a package where all are required."""
-    report = yield
-    return required(report)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(collector):
-    """Likewise for whole modules."""
-    report = yield
-    return required(report)
-
-
-def required(report):
-    """Return a report, failed where it was skipped for want of a package and all are required."""
-    if os.environ.get("REQUIRE_EXTRAS") and report.skipped and WANTING.search(str(report.longrepr)):
-        report.outcome, report.longrepr = "failed", f"REQUIRE_EXTRAS is set: {report.longrepr}"
-    return report
 
 
 class Stored(NamedTuple):
@@ -106,14 +77,8 @@ def trained(monkeypatch, tmp_path):
 @pytest.fixture
 def fresh_digests():
     """Forget the digests of code before and after a test that edits it."""
-    from explore_bench.records import provenance
+    from explore_bench.records.provenance import forget_code
 
-    cached = [f for f in vars(provenance).values() if hasattr(f, "cache_clear")]
-
-    def forget():
-        for function in cached:
-            function.cache_clear()
-
-    forget()
-    yield forget
-    forget()
+    forget_code()
+    yield forget_code
+    forget_code()

@@ -10,7 +10,10 @@ import time
 
 import numpy as np
 
-from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.errors import RequestError
+from explore_bench.world.kinds import KINDS
+
+WORLD_TYPES = tuple(kind.load("world") for kind in KINDS.values())
 
 
 class Sound:
@@ -113,7 +116,11 @@ class NeedsNeighbours(Sound):
 
 
 class NeedsLandmark(Sound):
+    """It knows that a lidar sees none."""
+
     def choose(self, observation):
+        if observation.belief.fine is not None:
+            return super().choose(observation)
         return int(np.abs(observation.positions - observation.belief.landmarks[0]).sum(axis=1).argmin())
 
 
@@ -184,6 +191,27 @@ class ChangesTheBelief(Sound):
         return choice
 
 
+class ChangesTheFineMap(Sound):
+    """Where there is one."""
+
+    def choose(self, observation):
+        choice, fine = super().choose(observation), observation.belief.fine
+        if fine is not None:
+            fine.occupied.setflags(write=True)
+            fine.occupied[-1, -1] = not fine.occupied[-1, -1]
+        return choice
+
+
+class ChangesTheRoads(Sound):
+    """Opens all of them, once what it answers is decided."""
+
+    def choose(self, observation):
+        choice, roads = super().choose(observation), observation.roads
+        roads.free.setflags(write=True)
+        roads.free[:] = True
+        return choice
+
+
 class ChangesAField(Sound):
     def choose(self, observation):
         object.__setattr__(observation, "decision", -1)
@@ -203,7 +231,7 @@ class PeeksThroughTheStack(Sound):
         frame = sys._getframe(1)
         while frame is not None:
             for value in frame.f_locals.values():
-                if isinstance(value, LandmarkWorld):
+                if isinstance(value, WORLD_TYPES):
                     return towards(value, observation)
             frame = frame.f_back
         return 0
@@ -213,8 +241,12 @@ class PeeksAtTheRollout(Sound):
     """The true pose, in the generator that waits for the choice."""
 
     def choose(self, observation):
-        explorer = sys._getframe(1).f_locals["events"].gi_frame.f_locals["explorer"]
-        x, y, _ = explorer._robot.pose
+        frame = sys._getframe(1)
+        while "events" not in frame.f_locals:
+            frame = frame.f_back
+        explorer = frame.f_locals["events"].gi_frame.f_locals["explorer"]
+        body = explorer._robot if observation.belief.fine is None else explorer._vehicle
+        x, y, _ = body.pose
         return int(np.hypot(*(observation.positions - [x, y]).T).argmin())
 
 
@@ -224,8 +256,9 @@ class PeeksThroughTheCollector(Sound):
         super().reset(rng)
 
     def choose(self, observation):
-        grid = observation.scenario.grid
-        worlds = [value for value in gc.get_objects() if isinstance(value, LandmarkWorld) and value.grid == grid]
+        size = observation.scenario.size
+        worlds = [value for value in gc.get_objects() if isinstance(value, WORLD_TYPES)]
+        worlds = [world for world in worlds if np.isclose(world.grid.columns * world.grid.resolution, size)]
         return towards(worlds[-1], observation) if worlds else 0
 
 
@@ -257,7 +290,7 @@ class LearnsMapsByHeart(Sound):
         frame = sys._getframe(1)
         while frame is not None and self.key not in WORLDS:
             for value in frame.f_locals.values():
-                if isinstance(value, LandmarkWorld):
+                if isinstance(value, WORLD_TYPES):
                     WORLDS.setdefault(self.key, value)
             frame = frame.f_back
         return towards(WORLDS[self.key], observation)
@@ -281,3 +314,43 @@ class DiesInWorkers(Sound):
         if multiprocessing.current_process().name != "MainProcess":
             os._exit(7)
         super().reset(rng)
+
+
+class RefusesAll(Sound):
+    def reset(self, rng):
+        raise RequestError("it waits for worlds to come.")
+
+
+class RefusesLate(Sound):
+    """A refusal after the first answer is none."""
+
+    def choose(self, observation):
+        if observation.belief.fine is not None and observation.decision == 2:
+            raise RequestError("it is tired of lidars.")
+        return super().choose(observation)
+
+
+class Refuses(Sound):
+    """No fault: it refuses the worlds of one kind, each time."""
+
+    def __init__(self, kind):
+        self.kind = kind
+
+    def choose(self, observation):
+        if observation.scenario.kind == self.kind:
+            raise RequestError(f"it does not run in kind '{self.kind}'; leave it out.")
+        return super().choose(observation)
+
+
+class ByLidar(Sound):
+    """Has the fault of another one in lidar worlds, and none elsewhere."""
+
+    def __init__(self, fault):
+        self.faulty = globals()[fault]()
+
+    def reset(self, rng):
+        super().reset(rng)
+        self.faulty.reset(rng)
+
+    def choose(self, observation):
+        return super().choose(observation) if observation.belief.fine is None else self.faulty.choose(observation)

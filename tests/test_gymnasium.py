@@ -8,21 +8,23 @@ import warnings
 import numpy as np
 import pytest
 from handmade import TINY
+from lidar_worlds import SMALL as BY_LIDAR
 
 from baselines.training.episodes import play
 from explore_bench.errors import RequestError
+from explore_bench.strategies.contract import Target
 from explore_bench.trial.decision_process import Course
-from explore_bench.trial.features import features
+from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.scenarios import PAPER
+from explore_bench.world.scenarios import PAPER, STAGE
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is missing: install the extra 'gym'")
 
 import explore_bench.gymnasium as ours  # noqa: E402
 
-IDS = ("ExploreBench-20m-v0", "ExploreBench-30m-v0", "ExploreBench-40m-v0")
+IDS = ("ExploreBench-20m-v0", "ExploreBench-30m-v0", "ExploreBench-40m-v0", "ExploreBench-Stage-v0")
 SHORT = PAPER.replace(steps_per_cell=0.25)
 """100 cells, 25 steps: too few to explore."""
 CREEPING = PAPER.replace(path_tolerance=1e-9, step_length=0.01, stuck_decisions=1)
@@ -85,10 +87,19 @@ def test_stable_baselines3_s_checker_has_nothing_to_say(env):
     pytest.importorskip("stable_baselines3.common.env_checker", reason=reason).check_env(env)
 
 
-@pytest.mark.parametrize(("name", "size", "width"), [(IDS[0], 20.0, 14), (IDS[1], 30.0, 26), (IDS[2], 40.0, 41)])
-def test_the_registered_environments(name, size, width):
+@pytest.mark.parametrize(
+    ("name", "scenario", "width"),
+    [
+        (IDS[0], PAPER, 14),
+        (IDS[1], PAPER.replace(size=30.0), 26),
+        (IDS[2], PAPER.replace(size=40.0), 41),
+        (IDS[3], STAGE, 20),
+    ],
+)
+def test_the_registered_environments(name, scenario, width):
     env = gymnasium.make(name)
-    assert env.unwrapped.scenario == PAPER.replace(size=size)
+    assert tuple(ours.ENVIRONMENTS) == IDS
+    assert env.unwrapped.scenario == scenario
     assert env.action_space == gymnasium.spaces.Discrete(width)
     assert env.observation_space["candidates"].shape == (width, 9)
     assert env.observation_space["state"].shape == (7,)
@@ -151,7 +162,7 @@ def test_a_wrapper_of_time_can_shorten_an_episode():
 
 
 @pytest.mark.parametrize("weights", [REWARD_WEIGHTS, RewardWeights(uncertainty=1.0, turning=2.0, length=3.0)])
-@pytest.mark.parametrize("scenario", [TINY, SHORT])
+@pytest.mark.parametrize("scenario", [TINY, SHORT, BY_LIDAR])
 def test_rewards_steps_and_endings_are_those_of_training_episodes(scenario, weights):
     def nearest(waiting, observations):
         return [int(features(one).order[0]) for one in observations]
@@ -169,10 +180,11 @@ def test_rewards_steps_and_endings_are_those_of_training_episodes(scenario, weig
         )
 
 
-def test_the_observation_holds_the_features_of_what_a_strategy_would_see():
-    env = ours.ExploreEnv()
+@pytest.mark.parametrize("scenario", [PAPER, BY_LIDAR])
+def test_the_observation_holds_the_features_of_what_a_strategy_would_see(scenario):
+    env = ours.ExploreEnv(scenario=scenario)
     seen, _ = env.reset(seed=4)
-    expected = features(Course(PAPER, "train", 4).begin(0).observation)
+    expected = features(Course(scenario, "train", 4).begin(0).observation)
     np.testing.assert_array_equal(seen["candidates"], expected.candidates)
     np.testing.assert_array_equal(seen["state"], expected.state)
 
@@ -271,6 +283,60 @@ def test_no_decision_has_more_candidates_than_there_are_actions(scenario):
         given, _ = episode(env, 0 if number == 0 else None, at_random(np.random.default_rng(number)))
         most = max(most, *(int(one[-1]["action_mask"].sum()) for one in given))
     assert 5 < most <= env.width
+
+
+# By lidar
+
+
+def test_a_random_walk_in_a_lidar_world_keeps_to_its_spaces_and_its_seed():
+    """Candidates are clusters of frontiers here, at most 20 of them, and nothing is known of any landmark."""
+    first, other = (ours.ExploreEnv(scenario=BY_LIDAR) for _ in range(2))
+    for number in range(3):
+        seed = 5 if number == 0 else None
+        given, actions = episode(first, seed, at_random(np.random.default_rng(number)))
+        assert same(given, episode(other, seed, at_random(np.random.default_rng(number)))[0])
+        assert len(actions) > 2
+        assert all(one[-1]["action_was_candidate"] for one in given[1:])
+        assert given[-1][2:4] in ((True, False), (False, True))
+        states = np.array([one[0]["state"] for one in given])
+        tables = np.array([one[0]["candidates"] for one in given])
+        assert all(one[0] in first.observation_space for one in given)
+        state = dict(zip(STATE_COLUMNS, states.T, strict=True))
+        assert not state["landmarks"].any()
+        assert (np.diff(state["steps"]) > 0).all()
+        assert state["explored"][-1] > state["explored"][0]
+        np.testing.assert_array_equal(state["candidates"], [np.float32(one[-1]["action_mask"].mean()) for one in given])
+        candidate = dict(zip(CANDIDATE_COLUMNS, np.moveaxis(tables, -1, 0), strict=True))
+        assert not candidate["landmark"].any()
+        for name in ("ahead", "left", "length", "turn", "unknown", "trace"):
+            assert len(set(candidate[name][candidate["present"] == 1].tolist())) > 3, name
+
+
+def test_a_target_is_driven_to_in_a_lidar_world():
+    env = ours.ExploreEnv(scenario=BY_LIDAR)
+    env.reset(seed=1)
+    cells, lengths = env.reachable()
+    x, y = env._process.observation.roads.grid.centre_of(int(cells[lengths.argmax()]))
+    info = env.step(Target((x, y)))[-1]
+    assert info["step"] > 0
+    assert not info["action_was_candidate"]
+    last = env._process.rows[-1]
+    assert np.hypot(last.x - x, last.y - y) < 0.6
+    with pytest.raises(gymnasium.error.InvalidAction, match="outside the map"):
+        env.step(Target((-1.0, 2.0)))
+
+
+def test_a_frame_of_a_lidar_world_shows_its_walls():
+    from explore_bench.report import scene
+
+    env = ours.ExploreEnv(scenario=BY_LIDAR, render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    env.step(0)
+    frame = env.render()
+    assert frame.shape == (480, 480, 3)
+    assert count(frame, scene.ESTIMATE) > 5
+    assert (first != frame).any()
 
 
 # Worlds and seeds

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from baselines.learned.checkpoint import describe, load_state, save_state, save_weights
+from baselines.learned.checkpoint import describe, load_state, load_weights, save_state, save_weights
 from baselines.learned.gcn import GCN
 from baselines.learned.graph_stnn import GraphSTNN
 from baselines.learned.graph_stnn_plus import GraphSTNNPlus
@@ -37,6 +37,7 @@ from explore_bench import (
     curve_path,
     describe as describe_error,
     installed_version,
+    load_scenario,
     parse_factory,
     scenario_digest,
     stream,
@@ -63,7 +64,7 @@ class Recipe:
     network : makes an untrained one from the entry's parameters.
     learner, settings : how it learns.
     reward : weights of Eq. 24.
-    scales : sides of the maps it trains and validates on, by turns, as multiples of the paper's 20 m.
+    scales : sides of the maps it trains and validates on, by turns, as multiples of the scenario's (the paper's 20 m).
     episodes : how many it takes unless told otherwise.
     """
 
@@ -138,21 +139,33 @@ class Log:
 class Training:
     """A training that can stop and go on; see `train`."""
 
-    def __init__(self, name: str, entry: Entry, seed: int, out: Path) -> None:
+    def __init__(
+        self, name: str, entry: Entry, seed: int, out: Path, scenario: str | None = None, start: Path | None = None
+    ) -> None:
         torch.set_num_threads(1)
         module, _ = parse_factory(entry.factory)
         self.recipe = RECIPES[module]
         self.name, self.entry, self.seed = name, entry, seed
         self.best_path = out / f"{name}-{seed}.safetensors"
         self.last_path = out / f"{name}-{seed}.last"
-        scenario, scales = PAPER.replace(**entry.training), self.recipe.scales
-        self.course = Course(scenario, "train", seed, self.recipe.reward, scales)
-        self.validation = Course(PAPER, "validate", 0, scales=scales)
-        torch.manual_seed(int(stream("train", seed, PAPER.size, 0, "strategy").integers(2**62)))
+        base = PAPER if scenario is None else load_scenario(scenario)
+        try:
+            own = base.replace(**entry.training)
+        except RequestError as error:
+            raise RequestError(f"strategy '{name}' cannot be trained in the scenario '{scenario}': {error}") from None
+        scales = self.recipe.scales if base.map is None else (1.0,)
+        self.course = Course(own, "train", seed, self.recipe.reward, scales)
+        self.validation = Course(base, "validate", 0, scales=scales)
+        torch.manual_seed(int(stream("train", seed, base.size, 0, "strategy").integers(2**62)))
         try:
             self.network = self.recipe.network(**entry.parameters)
         except (TypeError, ValueError) as error:
             raise RequestError(f"strategy '{name}' cannot be made ({describe_error(error)}).") from None
+        self.origin: dict[str, Any] = {}
+        if start is not None:
+            self.origin = {"start": {"weights": start.name, "sha256": load_weights(self.network, start)["sha256"]}}
+        told = {"--scenario": scenario, "--from": start}
+        self._options = "".join(f" {option} {value}" for option, value in told.items() if value is not None)
         self.learner = self.recipe.learner(self.network, self.course, self.recipe.settings)
         self.log = Log()
 
@@ -199,9 +212,10 @@ class Training:
         return {
             "settings": asdict(self.recipe.settings),
             "reward_weights": asdict(self.recipe.reward),
-            "scales": self.recipe.scales,
+            "scales": self.course.scales,
             "scenario": {"kind": self.course.scenario.kind, **self.course.scenario.model_dump(exclude_unset=True)},
             "scenario_digest": scenario_digest(self.course.scenario),
+            **self.origin,
         }
 
     def validate(self) -> None:
@@ -218,7 +232,8 @@ class Training:
     def facts(self) -> dict[str, Any]:
         """What the card says beside the network: how the weights were made and what validation measured."""
         log, (episodes, objective, time_, efficiency, error) = self.log, self.log.validations[-1]
-        command = f"explore-bench train {self.name} --seed {self.seed} --episodes {log.episodes}"
+        count = max(log.episodes, 1)  # none where the weights that it started from are the best
+        command = f"explore-bench train {self.name} --seed {self.seed} --episodes {count}{self._options}"
         return {
             "strategy": self.name,
             "training_seed": self.seed,
@@ -281,8 +296,13 @@ def train(
     resume: bool,
     out: Path,
     say: Callable[[str], None],
+    scenario: str | None = None,
+    start: Path | None = None,
 ) -> Path:
     """Train a strategy with one seed and return the path of its best weights.
+
+    It trains and validates in worlds of `scenario`, a name or a TOML file (None: the paper's). The weights `start`, of
+    a network of the same kind, are validated before it goes on from them, so that what it leaves is no worse.
 
     The best weights by validation, their card, the curve and the validations are `NAME-SEED.safetensors`, `.json`,
     `.curve.csv` and `.validations.csv` in `out`; `NAME-SEED.last` is the checkpoint from which `resume` goes on,
@@ -292,9 +312,9 @@ def train(
     Raises
     ------
     RequestError : when `out` cannot be written, holds a training that was not to be resumed or weights without their
-        checkpoint, or the loss diverged.
+        checkpoint, the scenario or the weights to start from are not for this strategy, or the loss diverged.
     """
-    run = Training(name, entry, seed, out)
+    run = Training(name, entry, seed, out, scenario, start)
     wanted = episodes or run.recipe.episodes
     resumed = resume and run.restore()
     if not resume and run.last_path.exists():
@@ -308,6 +328,9 @@ def train(
         if run.log.episodes < wanted and run.log.episodes not in run.log.resumed:
             run.log.resumed.append(run.log.episodes)
     run.save()
+    if start is not None and not run.log.validations:
+        run.validate()
+        say(_validation_line(run))
     begin = saved = said = time.perf_counter()
     before, first = run.log.seconds, run.log.episodes
     while run.log.episodes < wanted:

@@ -33,7 +33,7 @@ from explore_bench.analysis.statistics import (
     permutation_p,
     sign_flip_p,
 )
-from explore_bench.analysis.tables import by_world, seed_means
+from explore_bench.analysis.tables import PAPER_SCENARIO, by_world, seed_means
 from explore_bench.analysis.training_curve import TRAINING_METRICS, training_values
 from explore_bench.errors import RequestError, describe
 from explore_bench.strategies.registry import strategies
@@ -75,12 +75,14 @@ class Claim:
     statement : in words.
     comparisons : all of them have to hold.
     architecture : whether it is about an architecture rather than about given weights.
+    scenario : name of the one whose trials it is about; trials of another say nothing of it.
     """
 
     name: str
     statement: str
     comparisons: tuple[Comparison, ...]
     architecture: bool = True
+    scenario: str = PAPER_SCENARIO
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,11 @@ def _loaded(point: EntryPoint) -> tuple[Claim, ...]:
         for comparison in claim.comparisons:
             metric_of(comparison)
     return own
+
+
+def claims_about(trials: pd.DataFrame) -> tuple[Claim, ...]:
+    """Claims about the scenario of the rows of `trials.csv`."""
+    return tuple(claim for claim in claims() if set(trials["scenario"]) <= {claim.scenario})
 
 
 def examine(claim: Claim, trials: pd.DataFrame) -> list[Finding]:

@@ -1,6 +1,7 @@
 """The metrics: pure functions of a trial's rows, each with its symbol, unit, direction and equation.
 
-How a trial that did not explore is scored, in tables and curves alike, `trial.scores` says.
+METRICS are common to all kinds of world; `metrics_of` gives those that a kind has beside them. How a trial that did not
+explore is scored, in tables and curves alike, `trial.scores` says.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ import numpy as np
 from explore_bench.trial import scores
 from explore_bench.trial.scores import Score
 from explore_bench.trial.spec import Status
+from explore_bench.world.kinds import kind_of
 
 if TYPE_CHECKING:
     from explore_bench.records.encoding import TrialRecord
+    from explore_bench.world.scenario import Scenario
 
 Array = np.ndarray
 
@@ -81,17 +84,24 @@ def explored(record: TrialRecord) -> float:
     return float(values[-1]) if len(values) else 0.0
 
 
-def time_to(coverage: float) -> Callable[[TrialRecord], float]:
-    """Metric of the first step with this share of the map known.
+def step_limit(scenario: Scenario) -> float:
+    """Steps that a trial counts as when it did not explore."""
+    return float(scenario.step_limit)
 
-    It is the step limit for a trial that ended unexplored before, and NaN where exploring asks for less.
+
+def time_to(
+    coverage: float, column: str = "step", limit: Callable[[Scenario], float] = step_limit
+) -> Callable[[TrialRecord], float]:
+    """Metric of the first step with this share of the map known, or of what a column says then.
+
+    It is the limit for a trial that ended unexplored before, and NaN where exploring asks for less.
     """
 
     def value(record: TrialRecord) -> float:
         reached = np.flatnonzero(record.steps["explored"] >= coverage)
         if len(reached):
-            return float(record.steps["step"][reached[0]])
-        return math.nan if finished(record) else float(record.spec.scenario.step_limit)
+            return float(record.steps[column][reached[0]])
+        return math.nan if finished(record) else limit(record.spec.scenario)
 
     return value
 
@@ -150,6 +160,17 @@ METRICS: dict[str, Metric] = {
     "collisions": Metric("C", "1", "lower", "true entries into obstacles or off the map", last("collisions")),
     "mislabelled": Metric("M", "cells", "lower", "known cells believed to be what they are not", last("mislabelled")),
 }
+
+
+def metrics_of(kind: str) -> dict[str, Metric]:
+    """Metrics of a kind of world beside the common ones, by name.
+
+    Raises
+    ------
+    RequestError : for a kind that is not known.
+    """
+    return dict(kind_of(kind).load("metrics", {}))
+
 
 REGRET = Metric("R", "1", "lower", "(T − T_clairvoyant) / T_clairvoyant on the same world", lambda record: math.nan)
 """Regret pairs a trial with the reference's on the same world, so `results` computes it from both."""

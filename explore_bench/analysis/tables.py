@@ -1,4 +1,4 @@
-"""`trials.csv` and `summary.csv`, derived from the records of a results folder."""
+"""`trials.csv`, `summary.csv` and `worlds.csv`, derived from the records of a results folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS
-from explore_bench.analysis.metrics import METRICS, regret
+from explore_bench.analysis.metrics import METRICS, metrics_of, regret
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -18,6 +18,10 @@ from explore_bench.records.provenance import weights_digest
 from explore_bench.records.store import Store
 from explore_bench.strategies.registry import entry_named, in_order, strategies
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.kinds import kind_of
+
+PAPER_SCENARIO = "paper"
+"""Name of the scenario that the paper's printed numbers and its claims are about."""
 
 FIRST_METRICS = ("path_length", "explored", "uncertainty_reduction", "exploration_efficiency", "trajectory_error")
 FURTHER_METRICS = tuple(name for name in METRICS if name not in (*FIRST_METRICS, "decisions"))
@@ -37,14 +41,20 @@ TRIAL_COLUMNS = (
     "scenario",
     "reason",
 )
+"""Those of trials in every kind of world; the metrics of a kind follow them."""
+
 SUMMARY_COLUMNS = (
     *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
     *("seeds", "seed_low", "seed_high"),
 )
+WORLD_COLUMNS = ("scenario", "size", "trial", "world")
+"""Those of worlds of every kind; the facts of a kind follow them."""
 
 
 def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
-    """One row a trial with the columns TRIAL_COLUMNS, ordered by strategy, training seed, size and trial.
+    """One row a trial, ordered by strategy, training seed, size and trial.
+
+    The columns are TRIAL_COLUMNS and the metrics of the kinds of world that the trials are of.
 
     Names of strategies are kept as they were when the trial ran; regret is to the reference on the world.
 
@@ -54,10 +64,12 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     """
     refuse_shared_names(record.spec for record in records)
     references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
+    own = {kind: metrics_of(kind) for kind in dict.fromkeys(record.spec.scenario.kind for record in records)}
     rows = []
     for record in records:
         spec, steps = record.spec, record.steps
-        values: dict[str, Any] = {name: metric.value(record) for name, metric in METRICS.items()}
+        measured = METRICS | own[spec.scenario.kind]
+        values: dict[str, Any] = {name: metric.value(record) for name, metric in measured.items()}
         rows.append(
             values
             | {
@@ -74,8 +86,31 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
                 "reason": record.reason,
             }
         )
-    table = pd.DataFrame(rows, columns=list(TRIAL_COLUMNS)).astype({"training_seed": "Int64", "size": float})
+    columns = [*TRIAL_COLUMNS, *dict.fromkeys(name for metrics in own.values() for name in metrics)]
+    table = pd.DataFrame(rows, columns=columns).astype({"training_seed": "Int64", "size": float})
     return table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first")
+
+
+def own_metrics(trials: pd.DataFrame) -> list[str]:
+    """Names of the metrics that a kind of world has beside the common ones, as the rows of its trials have them."""
+    return [str(name) for name in trials.columns if name not in TRIAL_COLUMNS]
+
+
+def of_paper(trials: pd.DataFrame) -> bool:
+    """Whether all trials are of the paper's own scenario, so that what it prints may stand beside them."""
+    return set(trials["scenario"]) <= {PAPER_SCENARIO}
+
+
+def world_table(records: Iterable[TrialRecord]) -> pd.DataFrame:
+    """One row a world with WORLD_COLUMNS and what its kind says of it; no row for a kind that says nothing."""
+    rows: dict[Any, dict[str, Any]] = {}
+    for record in records:
+        spec = record.spec
+        facts = kind_of(spec.scenario.kind).load("facts")
+        key = spec.scenario_name, spec.scenario.size, spec.trial, record.world.digest
+        if facts is not None and key not in rows:
+            rows[key] = {**dict(zip(WORLD_COLUMNS, key, strict=True)), **facts(record)}
+    return pd.DataFrame([rows[key] for key in sorted(rows)], columns=None if rows else list(WORLD_COLUMNS))
 
 
 def refuse_shared_names(specs: Iterable[TrialSpec]) -> None:
@@ -134,14 +169,15 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
     mean of a single one of the `seeds` training seeds.
 
     A strategy without trials stands in it with n = 0 where the paper prints a value; a metric that is not defined for
-    every trial of a cell is left out.
+    every trial of a cell is left out. What the paper prints stands beside trials of its own scenario alone.
     """
     rows = []
-    metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret"]
+    metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret", *own_metrics(trials)]
+    printed = of_paper(trials)
     for name in in_order([*strategies(), *trials["strategy"]]):
         own = trials[trials["strategy"] == name]
         entry = entry_named(name)
-        published = entry.published
+        published = entry.published if printed else {}
         for table in entry.tables:
             sizes = {float(size) for size in own["size"]} | {s for t, s, _ in published if t == table}
             for size in sorted(sizes):

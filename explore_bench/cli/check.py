@@ -25,7 +25,7 @@ from explore_bench.errors import writing
 )
 @json_option
 def check(strategy: str, timeout: float, file: Path | None) -> int:
-    """Test whether STRATEGY keeps the contract, rule by rule."""
+    """Test whether STRATEGY keeps the contract, rule by rule, in all kinds of world."""
     from explore_bench.runs.conformance import Finding, findings
 
     begin = time.perf_counter()

@@ -48,8 +48,8 @@ def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def physics_of(scenario: str | None, map_: str | None, resolution: float | None) -> tuple[Scenario | None, str]:
-    """Scenario that --scenario, --map and --resolution ask for (None: the paper's), and the name it is kept under."""
+def physics_of(scenario: str | None, map_: str | None, resolution: float | None) -> tuple[Scenario | None, str | None]:
+    """Scenario that --scenario, --map and --resolution ask for, and its name; None: the suite's own."""
     from explore_bench.world.maps import with_map
     from explore_bench.world.scenarios import PAPER, load_scenario
 
@@ -59,4 +59,4 @@ def physics_of(scenario: str | None, map_: str | None, resolution: float | None)
     if map_ is not None:
         physics = with_map(physics or PAPER, map_, resolution)
     names = [Path(name).name for name in (scenario, map_) if name is not None]
-    return physics, ", ".join(names) or "paper"
+    return physics, ", ".join(names) or None

@@ -16,7 +16,6 @@ from explore_bench.errors import RequestError
 if TYPE_CHECKING:
     from explore_bench.runs.suites import Plan
     from explore_bench.trial.spec import Outcome
-    from explore_bench.world.scenario import Scenario
 
 
 @click.command()
@@ -65,12 +64,11 @@ def run(
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE
-    return _run(asked, physics, results, seed, workers, backend, scheduler, timeout, dry_run)
+    return _run(asked, results, seed, workers, backend, scheduler, timeout, dry_run)
 
 
 def _run(
     asked: Plan,
-    physics: Scenario | None,
     results: Path,
     seed: int,
     workers: int | None,
@@ -84,13 +82,12 @@ def _run(
     from explore_bench.records.store import Store, missing
     from explore_bench.runs import runner
     from explore_bench.runs.workers import IncompleteError
-    from explore_bench.world.scenarios import PAPER
 
     workers = runner.crew(backend, workers, scheduler)
     runner.check_runnable(asked.specs, workers, backend, timeout)
     store = Store(results)
     if not dry_run or store.exists():
-        store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
+        store.open(seed, "evaluate", asked.scenario)
     to_do = list(missing(store, asked.specs))
     stored = len(asked.specs) - len(to_do)
     click.echo(
@@ -99,6 +96,8 @@ def _run(
     )
     if asked.untrained:
         click.echo(f"not trained: {', '.join(asked.untrained)}")
+    if asked.elsewhere:
+        click.echo(f"not for this kind of world: {', '.join(asked.elsewhere)}")
     if dry_run:
         return DONE
     try:

@@ -17,6 +17,8 @@ from explore_bench.errors import RequestError
 )
 @click.option("--episodes", type=click.IntRange(1), metavar="N", help="Episodes in all (default: the strategy's own).")
 @click.option("--resume", is_flag=True, help="Go on from the last checkpoint, where there is one.")
+@click.option("--scenario", metavar="NAME|FILE.toml", help="Train and validate in its worlds instead of the paper's.")
+@click.option("--from", "start", metavar="FILE", help="Weights to start from (.safetensors, its card beside it).")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -24,16 +26,20 @@ from explore_bench.errors import RequestError
     show_default=True,
     help="Folder of weights, cards, curves and checkpoints.",
 )
-def train(name: str, seed: int, episodes: int | None, resume: bool, out: Path) -> int:
+def train(
+    name: str, seed: int, episodes: int | None, resume: bool, scenario: str | None, start: str | None, out: Path
+) -> int:
     """Train the learned strategy NAME on one core; its weights are the best of its own validation worlds."""
+    from explore_bench.strategies.entry import weights_file
     from explore_bench.strategies.loading import load_factory
     from explore_bench.strategies.registry import lookup
 
     name, entry = lookup(name)
     if entry.trainer is None:
         raise RequestError(f"strategy '{name}' is not learned; choose one that 'explore-bench list' calls learned.")
+    begun = None if start is None else weights_file(start)
     try:
-        path = load_factory(entry.trainer)(name, entry, seed, episodes, resume, out, click.echo)
+        path = load_factory(entry.trainer)(name, entry, seed, episodes, resume, out, click.echo, scenario, begun)
     except KeyboardInterrupt:
         click.echo("explore-bench: interrupted; add --resume to go on, less than a minute is lost.", err=True)
         return INTERRUPTED

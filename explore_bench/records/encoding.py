@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from explore_bench.errors import RequestError
 from explore_bench.records.provenance import spec_values
 from explore_bench.trial.run import TrialResult
-from explore_bench.trial.snapshot import REPLAY_COLUMNS
+from explore_bench.trial.snapshot import FINE_COLUMNS, REPLAY_COLUMNS, unpack_fine_map
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, Column, step_columns
 from explore_bench.world.kinds import World, kind_of
@@ -30,7 +31,7 @@ from explore_bench.world.scenario import Scenario
 METADATA_KEY = b"explore_bench"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrialRecord:
     """What the store says of one trial.
 
@@ -42,6 +43,9 @@ class TrialRecord:
     final : columns of FINAL_COLUMNS likewise.
     world : the true map.
     transient : whether it failed for want of time, memory or disk: such a trial runs again.
+    fine_map : class of each cell of the robot's finer map when the trial ended (of a failed one: at its last decision
+        that was answered): `snapshot.UNKNOWN`, `FREE` or `OCCUPIED`, shape that of `scenario.map_grid`; None in a kind
+        of world without one, and for a trial of which no map was kept.
     """
 
     spec: TrialSpec
@@ -51,6 +55,7 @@ class TrialRecord:
     final: dict[str, np.ndarray]
     world: World
     transient: bool
+    fine_map: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,11 @@ class Replay:
     targets : place [m] that was answered instead of an index; None elsewhere.
     maps, ellipses : packed; see `snapshot.unpack_map` and `snapshot.unpack_ellipses`.
     landmarks : x, y, xx, xy, yy of each landmark seen, shape (M, 5).
+    fine_maps : packed; see `snapshot.unpack_fine_map`. With the next three it is empty in a kind of world without a
+        finer map.
+    positions : places of the candidates [m], shape (C, 2); none at the end.
+    trajectories : place of every pose so far as estimated then [m], shape (N, 2).
+    loops : numbers of the poses (earlier, later) that each loop closure so far joined, shape (L, 2).
     """
 
     steps: list[int]
@@ -73,6 +83,10 @@ class Replay:
     maps: list[bytes]
     ellipses: list[bytes]
     landmarks: list[np.ndarray]
+    fine_maps: list[bytes] = field(default_factory=list)
+    positions: list[np.ndarray] = field(default_factory=list)
+    trajectories: list[np.ndarray] = field(default_factory=list)
+    loops: list[np.ndarray] = field(default_factory=list)
 
 
 def encode(result: TrialResult) -> bytes:
@@ -108,7 +122,8 @@ def _table(result: TrialResult) -> pa.Table:
     final = np.full((rows, 6), np.nan)
     final[: len(result.final_poses)] = np.hstack((result.final_poses, result.final_covariances))
     columns |= {name: final[:, i] for i, name in enumerate(FINAL_COLUMNS)}
-    for name in REPLAY_COLUMNS:
+    fine = any(snapshot.fine is not None for snapshot in result.snapshots.values())
+    for name in REPLAY_COLUMNS | (FINE_COLUMNS if fine else {}):
         snapshots = (result.snapshots.get(row) for row in range(rows))
         columns[name] = [None if snapshot is None else getattr(snapshot, name) for snapshot in snapshots]
     values = {
@@ -119,18 +134,18 @@ def _table(result: TrialResult) -> pa.Table:
         "transient": result.transient,
         "world": result.world.facts(),
     }
-    schema = _schema(kind).with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
+    schema = _schema(kind, fine).with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
     return pa.table({name: pa.array(columns[name], schema.field(name).type) for name in schema.names}, schema)
 
 
 @cache
-def _schema(kind: str) -> pa.Schema:
+def _schema(kind: str, fine: bool) -> pa.Schema:
     def arrow(column: Column) -> pa.DataType:
         if column.dtype.startswith("list<"):
             return pa.list_(pa.type_for_alias(column.dtype[5:-1]))
         return pa.type_for_alias(column.dtype)
 
-    columns = step_columns(kind) | FINAL_COLUMNS | REPLAY_COLUMNS
+    columns = step_columns(kind) | FINAL_COLUMNS | REPLAY_COLUMNS | (FINE_COLUMNS if fine else {})
     return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
 
 
@@ -175,7 +190,16 @@ def record_of(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
         final={name: arrays[name] for name in FINAL_COLUMNS},
         world=kind_of(spec.scenario.kind).load("world").from_facts(facts["world"], spec.scenario),
         transient=facts["transient"],
+        fine_map=_last_fine_map(shard, spec.scenario),
     )
+
+
+def _last_fine_map(shard: pq.ParquetFile, scenario: Any) -> NDArray[np.uint8] | None:
+    """Newest finer map that a shard holds; None where it holds none."""
+    if "fine" not in shard.schema_arrow.names:
+        return None
+    maps = shard.read(["fine"], use_threads=False)["fine"].drop_null()
+    return unpack_fine_map(maps[-1].as_py(), scenario.map_grid.shape) if len(maps) else None
 
 
 def spec_from(values: dict[str, Any]) -> TrialSpec:
@@ -198,8 +222,9 @@ def read_replay(path: Path) -> Replay:
     """Read the replay that a shard holds; errors as of `read_record`."""
     with opened(path) as shard:
         facts_of(shard, path)
-        table = shard.read(["step", *REPLAY_COLUMNS], use_threads=False).to_pylist()
+        table = shard.read(["step", *REPLAY_COLUMNS, *FINE_COLUMNS], use_threads=False).to_pylist()
     rows = [row for row in table if row["map"] is not None]
+    fine = [row for row in rows if row.get("fine") is not None]  # all of them, or none
     return Replay(
         steps=[row["step"] for row in rows],
         candidates=[row["candidates"] for row in rows],
@@ -208,4 +233,8 @@ def read_replay(path: Path) -> Replay:
         maps=[row["map"] for row in rows],
         ellipses=[row["ellipses"] for row in rows],
         landmarks=[np.array(row["landmark_estimates"], dtype=float).reshape(-1, 5) for row in rows],
+        fine_maps=[row["fine"] for row in fine],
+        positions=[np.array(row["positions"] or (), dtype=float).reshape(-1, 2) for row in fine],
+        trajectories=[np.array(row["trajectory"], dtype=float).reshape(-1, 2) for row in fine],
+        loops=[np.array(row["loops"], dtype=np.int64).reshape(-1, 2) for row in fine],
     )

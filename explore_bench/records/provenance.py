@@ -140,7 +140,7 @@ def _distributions() -> Mapping[str, Sequence[str]]:
 def _modules(place: str, kind: str) -> dict[str, Path]:
     """Modules that a trial runs: name → file, from the loop, the parts of the kind and the factory's module on."""
     found: dict[str, Path] = {}
-    for part in (LOOP, *vars(kind_of(kind)).values()):
+    for part in (LOOP, *kind_of(kind).simulated):
         _follow(part.partition(":")[0], found)
     if place.endswith(".py"):
         path = Path(place)

@@ -10,14 +10,16 @@ import pandas as pd
 
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import Estimate, kendall_tau
-from explore_bench.analysis.tables import by_world
+from explore_bench.analysis.tables import by_world, of_paper
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
 from explore_bench.world.scenarios import PAPER
 
 
 def agreement_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:
-    """Tables by the names of their files."""
+    """Tables by the names of their files; none for trials of another scenario than the paper's."""
+    if not of_paper(trials):
+        return {}
     return {"agreement": agreement_table(summary), "order": order_table(trials), "constants": constants_table()}
 
 

@@ -18,6 +18,16 @@ def caption(name: str) -> str:
     number = name.removeprefix("figure-").lstrip("0")
     if name == "figure-06":
         return "Figure 6. The simulated world in the middle of a trial."
+    if name == "figure-16a":
+        return (
+            "Figure 16a. The true scene in the middle third of a trial, before its longest drive there: the robot, its "
+            "way so far, and what its lidar sees."
+        )
+    if name == "figure-16b":
+        return (
+            "Figure 16b. What the robot has mapped by then: its estimated way, the loops that it closed, the frontiers "
+            "that it may choose from, and the way that it drives next."
+        )
     if name.startswith("times-"):
         return (
             f"Times to coverage at {name.removeprefix('times-').removesuffix('m')} m: the share of trials that do not "

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from explore_bench.analysis.metrics import explored, finished
+from explore_bench.analysis.tables import of_paper
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import PAPER_TABLES, Scope, Table, shown_name
@@ -34,11 +35,11 @@ def endings_table(records: Sequence[TrialRecord]) -> Table:
 def gaps(trials: pd.DataFrame, stale: int = 0) -> list[str]:
     """Sentences on what a reader does not see here.
 
-    Strategies of the paper's tables without trials, worlds that not all of them tried, and how many stored trials are
-    left out as `stale`.
+    Strategies of the paper's tables without trials where these are of its scenario, worlds that not all of them tried,
+    and how many stored trials are left out as `stale`.
     """
-    tried = set(trials["strategy"])
-    listed = {name: entry for name, entry in strategies().items() if set(entry.tables) & PAPER_TABLES.keys()}
+    tried, complete = set(trials["strategy"]), strategies() if of_paper(trials) else {}
+    listed = {name: entry for name, entry in complete.items() if set(entry.tables) & PAPER_TABLES.keys()}
     absent = [name for name in listed if name not in tried]
     untrained = [entry_of(name).label for name in absent if not listed[name].ready]
     unrun = [entry_of(name).label for name in absent if listed[name].ready]
@@ -52,7 +53,7 @@ def gaps(trials: pd.DataFrame, stale: int = 0) -> list[str]:
         found.append(f"Not trained, hence not run: {'; '.join(untrained)}.")
     for size, here in trials.groupby("size"):
         found += _unequal(float(str(size)), here)
-    found += _skipped(trials)
+    found += _skipped(trials) if complete else []
     if not any(finite >= 2 for finite in trials.groupby(["strategy", "size"])["trial"].nunique()):
         found.append("Each strategy tried one world only, so there are no intervals.")
     return found

@@ -15,7 +15,8 @@ from explore_bench.records.encoding import Replay, TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.html import Content, write_page
-from explore_bench.report.scene import draw_scene, scene_legend, scene_of
+from explore_bench.report.moment import scene_of
+from explore_bench.report.scene import draw_scene, scene_legend
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
 
@@ -57,11 +58,12 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
 def _draw(figure: Figure, record: TrialRecord, replay: Replay, index: int) -> None:
     figure.clear()
     axes = figure.add_subplot()
-    draw_scene(axes, scene_of(record, replay, index))
+    scene = scene_of(record, replay, index)
+    draw_scene(axes, scene)
     step = replay.steps[index]
     known, uncertainty = record.steps["explored"][step], record.steps["uncertainty"][step]
     axes.set_title(f"{entry_of(record.spec.strategy).label}: step {step}, {known:.0%} known, U = {uncertainty:.0f} m²")
-    figure.legend(handles=scene_legend(), loc="outside right center", fontsize=8)
+    figure.legend(handles=scene_legend(scene), loc="outside right center", fontsize=8)
 
 
 def _animate(figure: Figure, record: TrialRecord, replay: Replay, path: Path) -> None:

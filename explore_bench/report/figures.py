@@ -13,10 +13,13 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import CURVES, curve, finished
 from explore_bench.analysis.statistics import CONFIDENCE
+from explore_bench.analysis.tables import PAPER_SCENARIO
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.drawing import entry_of, save_all, styled
-from explore_bench.report.scene import draw_scene, scene_legend, scene_of
+from explore_bench.report.fine_scene import draw_fine_map, draw_truth, fine_map_legend, truth_legend
+from explore_bench.report.moment import Scene, scene_of
+from explore_bench.report.scene import draw_scene, frame, scene_legend
 from explore_bench.report.tables import shown_name
 from explore_bench.strategies.registry import in_order, strategies
 from explore_bench.trial.seeding import stream
@@ -30,6 +33,9 @@ CURVE_FIGURES = {
     "figure-15": ("table3", 40.0),
 }
 """Figure → table and size [m] of its strategies."""
+
+FIGURE_16_SUITE = "figure16"
+"""Suite whose first strategy Figure 16 shows, where it has trials."""
 
 PRINTED = ("table2", "table3")
 """Tables whose numbers the paper prints."""
@@ -46,16 +52,21 @@ def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) ->
     """Draw every figure for which there are trials; returns the files written.
 
     A figure is drawn where a strategy that the paper shows in it, or one that is not registered (a plugin's file, a
-    strategy with parameters), has trials of its size; strategies without trials are left out of it.
+    strategy with parameters), has trials of its size in the paper's own scenario; strategies without trials are left
+    out of it. Figure 16 is drawn where a robot has a map finer than the grid of decisions.
     """
     written: list[Path] = []
+    papers = [record for record in records if record.spec.scenario_name == PAPER_SCENARIO]
     with styled():
         for name, (table, size) in CURVE_FIGURES.items():
-            groups = _groups(records, table, size)
+            groups = _groups(papers, table, size)
             shown = any(_belongs(strategy, table, size) for strategy in groups)
             written += save_all(_examples(store, groups) if shown else None, folder / f"{name}a")
             written += save_all(_curves(groups, size) if shown else None, folder / f"{name}b")
-        written += save_all(_figure_6(store, records), folder / "figure-06")
+        written += save_all(_figure_6(store, papers), folder / "figure-06")
+        moment = _moment_of_16(store, records)
+        written += save_all(moment and _figure_16a(*moment), folder / "figure-16a")
+        written += save_all(moment and _figure_16b(*moment), folder / "figure-16b")
     return written
 
 
@@ -93,11 +104,12 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
     figure, grid = plt.subplots(rows, columns, figsize=(3.4 * columns, 3.6 * rows + 0.7), squeeze=False)
     for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
         replay = store.replay(record.spec)
-        draw_scene(axes, scene_of(record, replay, max(len(replay.steps) - 2, 0)))
+        scene = scene_of(record, replay, max(len(replay.steps) - 2, 0))
+        draw_scene(axes, scene)
         axes.set_title(f"{shown_name(name)}: {record.status} after {record.steps['step'][-1]} steps")
     for axes in grid.flat[len(shown) :]:
         axes.set_axis_off()
-    figure.legend(handles=scene_legend(), loc="outside lower center", ncols=min(4, 2 * columns), fontsize=8)
+    figure.legend(handles=scene_legend(scene), loc="outside lower center", ncols=min(4, 2 * columns), fontsize=8)
     return figure
 
 
@@ -109,11 +121,51 @@ def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
         if spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1:
             figure, axes = plt.subplots(figsize=(6.6, 4.6))
             replay = store.replay(spec)
-            draw_scene(axes, scene_of(record, replay, len(replay.steps) // 2))
+            scene = scene_of(record, replay, len(replay.steps) // 2)
+            draw_scene(axes, scene)
             axes.set_title(f"{shown_name(spec.strategy)}, step {replay.steps[len(replay.steps) // 2]}")
-            figure.legend(handles=scene_legend(), loc="outside right center", fontsize=8)
+            figure.legend(handles=scene_legend(scene), loc="outside right center", fontsize=8)
             return figure
     return None
+
+
+def _moment_of_16(store: Store, records: Sequence[TrialRecord]) -> tuple[str, Scene] | None:
+    """The moment that Figure 16 shows: of the example trial of its suite's strategy, or of another; words for it.
+
+    It is the decision before the longest drive of the middle third, so that there is a way to be seen.
+    """
+    own = [r for r in records if r.fine_map is not None and r.spec.trial == EXAMPLE_TRIAL and len(r.steps["step"]) > 1]
+    names = in_order(record.spec.strategy for record in own)
+    if not names:
+        return None
+    name = next((name for name in names if FIGURE_16_SUITE in entry_of(name).suites), names[0])
+    record = next(record for record in own if record.spec.strategy == name)
+    replay = store.replay(record.spec)
+    third = (len(replay.steps) - 1) // 3
+    driven = np.diff(record.steps["path_length"][replay.steps])
+    chosen = third + int(driven[third : 2 * third + 1].argmax())
+    words = f"{shown_name(name)}, key pose {replay.steps[chosen]} of {replay.steps[-1]}"
+    return words, scene_of(record, replay, chosen)
+
+
+def _figure_16a(words: str, scene: Scene) -> Figure:
+    """The true scene."""
+    figure, axes = plt.subplots(figsize=(6.4, 4.9))
+    draw_truth(axes, scene)
+    frame(axes, scene)
+    axes.set_title(f"The scene: {words}")
+    figure.legend(handles=truth_legend(), loc="outside right center", fontsize=8)
+    return figure
+
+
+def _figure_16b(words: str, scene: Scene) -> Figure:
+    """The map that the robot has made of it so far."""
+    figure, axes = plt.subplots(figsize=(6.4, 4.9))
+    draw_fine_map(axes, scene, truth=False)
+    frame(axes, scene)
+    axes.set_title(f"The robot's map: {words}")
+    figure.legend(handles=fine_map_legend(scene, truth=False), loc="outside right center", fontsize=8)
+    return figure
 
 
 def _curves(groups: Groups, size: float) -> Figure:

@@ -13,6 +13,7 @@ import jinja2
 import pandas as pd
 from markupsafe import Markup
 
+from explore_bench.analysis.tables import of_paper
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.captions import caption
@@ -92,6 +93,7 @@ def render_page(content: Content) -> str:
         script=Markup(_text("player.js")),
         summary=_summary(content.records, names),
         scenario=content.records[0].spec.scenario,
+        of_paper=of_paper(content.trials),
         gaps=gaps(content.trials, content.stale),
         sections=content.sections,
         strategies=[{"label": shown_name(name), "color": entry_of(name).color} for name in names],
@@ -100,7 +102,7 @@ def render_page(content: Content) -> str:
         seeded=any(record.spec.training_seed is not None for record in content.records),
         replays=replays,
         replays_json=Markup(script_json(replays)),
-        legend=player_legend(),
+        legend=player_legend(content.records),
         figures=[_figure(file) for file in sorted(content.figures)],
         endings=endings_table(content.records),
         trials=len(content.records),

@@ -11,22 +11,23 @@ from markupsafe import Markup
 from explore_bench.analysis.metrics import score
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
-from explore_bench.report import scene
+from explore_bench.report import palette
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.replays import choose_trials, packed
 from explore_bench.report.tables import number_text, shown_name
 
 COLORS = {
-    "unknown": scene.UNKNOWN,
-    "free": scene.FREE,
-    "occupied": scene.OCCUPIED,
-    "truth": scene.TRUE,
-    "estimate": scene.ESTIMATE,
-    "ellipse": scene.ELLIPSE,
-    "landmark": scene.LANDMARK,
-    "candidate": scene.CANDIDATE,
-    "chosen": scene.CHOSEN,
-    "range": scene.RANGE,
+    "unknown": palette.UNKNOWN,
+    "free": palette.FREE,
+    "occupied": palette.OCCUPIED,
+    "truth": palette.TRUE,
+    "estimate": palette.ESTIMATE,
+    "ellipse": palette.ELLIPSE,
+    "landmark": palette.LANDMARK,
+    "candidate": palette.CANDIDATE,
+    "chosen": palette.CHOSEN,
+    "range": palette.RANGE,
+    "loop": palette.LOOP,
 }
 """Of the player: those of the figures."""
 
@@ -66,15 +67,17 @@ def player_data(
     return {"strategies": shown, "trials": trials, "colors": COLORS, "coverage": coverage}
 
 
-def player_legend() -> list[dict[str, Any]]:
-    """Marks of the player's map, with words."""
+def player_legend(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:
+    """Marks of the player's map of these trials, with words: landmarks and finer maps where there are some."""
     c = COLORS
+    landmarks = any(len(record.world.landmarks) for record in records)
+    fine = [record.fine_map is not None for record in records]
 
     def box(color: str, more: str = "") -> str:
         return f'<rect x="5" y="1" width="14" height="12" fill="{color}" {more}/>'
 
-    def line(color: str) -> str:
-        return f'<path d="M2 7H22" stroke="{color}" stroke-width="2"/>'
+    def line(color: str, more: str = "") -> str:
+        return f'<path d="M2 7H22" stroke="{color}" stroke-width="2" {more}/>'
 
     def cross(color: str) -> str:
         return f'<path d="M6 7H18M12 1V13" stroke="{color}" stroke-width="2.4"/>'
@@ -88,14 +91,20 @@ def player_legend() -> list[dict[str, Any]]:
         "unknown": box(c["unknown"]),
         "free": box(c["free"], 'stroke="#ccc"'),
         "believed obstacle": box(c["occupied"]),
-        "true obstacle": box("none", dashed),
-        "in the sensor’s range": disc(c["range"], 6),
-        "how unsure a landmark in the cell would be (1 σ)": ring,
-        "way as believed, 1-σ ellipses": line(c["estimate"]),
-        "true way": line(c["truth"]),
-        "landmark as believed": cross(c["landmark"]),
-        "true landmark": cross(c["truth"]),
-        "candidate": disc(c["candidate"], 4),
-        "chosen": disc(c["chosen"], 6),
+        "true obstacle": box(c["truth"], 'fill-opacity="0.55"') if all(fine) else box("none", dashed),
     }
+    if not all(fine):
+        marks |= {
+            "in the sensor’s range": disc(c["range"], 6),
+            "how unsure a landmark in the cell would be (1 σ)": ring,
+        }
+    marks |= {
+        "way as believed" if all(fine) else "way as believed, 1-σ ellipses": line(c["estimate"]),
+        "true way": line(c["truth"]),
+    }
+    if landmarks:
+        marks |= {"landmark as believed": cross(c["landmark"]), "true landmark": cross(c["truth"])}
+    if any(fine):
+        marks |= {"loop closure": line(c["loop"]), "way driven next": line(c["chosen"], 'stroke-dasharray="5 3"')}
+    marks |= {"candidate": disc(c["candidate"], 4), "chosen": disc(c["chosen"], 6)}
     return [{"mark": Markup(mark), "words": words} for words, mark in marks.items()]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from explore_bench.analysis.tables import summary_table, trial_table
+from explore_bench.analysis.tables import summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
@@ -18,9 +18,9 @@ from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.pages.claims import claims_section, examined, overview, write_claims
 from explore_bench.report.pages.maps import write_map_report
-from explore_bench.report.pages.sensitivity import write_sensitivity
+from explore_bench.report.pages.sensitivity import UNCHANGED, write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
-from explore_bench.report.tables import report_tables, write_tables
+from explore_bench.report.tables import Table, kind_tables, report_tables, write_tables
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ def write_report(folder: Path) -> Report:
     """Write everything that follows from the records of a results folder.
 
     A folder of one set of physical constants gets trials.csv, summary.csv, tables, figures, claims and the page; one
-    of several gets trials.csv and how the strategies degrade, or how they do in each of several given maps.
+    of several gets trials.csv and how the strategies degrade, or how they do in each of several given maps. Worlds of a
+    kind that has more to say of its trials get worlds.csv and tables of their own, in either case.
 
     Raises
     ------
@@ -50,25 +51,39 @@ def write_report(folder: Path) -> Report:
     trials = trial_table(records)
     with writing(folder), showing(record.spec for record in records):
         files = [_write_csv(trials, folder / "trials.csv")]
-        if trials["scenario"].nunique() > 1:  # a mean over different physics would mean nothing
-            mapped = all(record.spec.scenario.map for record in records)
-            files += write_map_report(trials, records, folder) if mapped else write_sensitivity(trials, folder)
-        else:
-            files += _write_all(store, records, trials, stale, folder)
+        worlds, own = world_table(records), kind_tables(records, trials)
+        files += [_write_csv(worlds, folder / "worlds.csv")] if len(worlds) else []
+        if trials["scenario"].nunique() == 1:
+            return Report((*files, *_write_all(store, records, trials, own, stale, folder)), len(records), stale)
+        # a mean over different physics would mean nothing
+        files += write_tables(own, folder / "tables")
+        if all(record.spec.scenario.map for record in records):
+            files += write_map_report(trials, records, folder)
+        elif UNCHANGED in set(trials["scenario"]) or not own:
+            files += write_sensitivity(trials, folder)
     return Report(tuple(files), len(records), stale)
 
 
-def _write_all(store: Store, records: list[TrialRecord], trials: pd.DataFrame, stale: int, folder: Path) -> list[Path]:
-    """Write everything but trials.csv of a folder with one set of physical constants."""
+def _write_all(
+    store: Store,
+    records: list[TrialRecord],
+    trials: pd.DataFrame,
+    own: dict[str, Table],
+    stale: int,
+    folder: Path,
+) -> list[Path]:
+    """Write what a folder with one set of physical constants gets beside trials.csv; `own` are its kind's tables."""
     summary, found = summary_table(trials), examined(trials)
     files = [_write_csv(summary, folder / "summary.csv"), *write_claims(found, folder)]
-    tables = report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
-    files += write_tables({"claims": overview(found)} | tables, folder / "tables")
+    tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
+    files += write_tables(({"claims": overview(found)} if found else {}) | tables, folder / "tables")
     files += write_figures(store, records, folder / "figures")
     files += write_survival_figures(trials, folder / "figures")
     files += write_training_figures(folder / "figures")
     drawn = [file for file in files if file.suffix == ".svg"]
-    page = Content(store, records, trials, tuple(tables.values()), drawn, (claims_section(found),), stale)
+    page = Content(
+        store, records, trials, tuple(tables.values()), drawn, (claims_section(found),) if found else (), stale
+    )
     return [*files, write_page(page, folder / "report.html")]
 
 

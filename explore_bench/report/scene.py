@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,43 +12,25 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from explore_bench.records.encoding import Replay, TrialRecord
+from explore_bench.report.fine_scene import draw_fine_map, fine_map_legend
+from explore_bench.report.moment import Scene
+from explore_bench.report.palette import (
+    CANDIDATE,
+    CHOSEN,
+    ELLIPSE,
+    ESTIMATE,
+    FREE,
+    LANDMARK,
+    OCCUPIED,
+    RANGE,
+    TRUE,
+    UNKNOWN,
+)
 from explore_bench.trial.snapshot import Snapshot, unpack_ellipses, unpack_map
-from explore_bench.world.kinds import World
 from explore_bench.world.scenario import Scenario
-
-UNKNOWN, FREE, OCCUPIED = "#d9d9d9", "#ffffff", "#707070"
-TRUE, ESTIMATE, ELLIPSE = "#000000", "#2ca02c", "#4878a8"
-LANDMARK, CANDIDATE, CHOSEN, RANGE = "#e8b500", "#8a2be2", "#e3001b", "#9fd3ee"
 
 POSE_ELLIPSES = 12
 """Pose ellipses drawn along a trajectory, evenly spaced."""
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What there is to draw of one moment.
-
-    Attributes
-    ----------
-    steps : columns of the step rows by name up to the moment, each of shape (T + 1,).
-    snapshot : what the replay keeps of it.
-    """
-
-    scenario: Scenario
-    world: World
-    steps: dict[str, np.ndarray]
-    snapshot: Snapshot
-
-
-def scene_of(record: TrialRecord, replay: Replay, index: int) -> Scene:
-    """Return the moment of decision `index` of a replay (−1: the end of the trial)."""
-    steps = {name: values[: replay.steps[index] + 1] for name, values in record.steps.items()}
-    landmarks = replay.landmarks[index].ravel().tolist()
-    target = replay.targets[index]
-    own = replay.candidates[index], replay.choices[index], target and list(target)
-    snapshot = Snapshot(*own, replay.maps[index], replay.ellipses[index], landmarks)
-    return Scene(record.spec.scenario, record.world, steps, snapshot)
 
 
 def scene_image(scene: Scene, pixels: int = 480) -> NDArray[np.uint8]:
@@ -63,12 +43,29 @@ def scene_image(scene: Scene, pixels: int = 480) -> NDArray[np.uint8]:
 
 
 def draw_scene(axes: Axes, scene: Scene) -> None:
-    """Draw a moment of a trial into axes.
+    """Draw a moment of a trial into axes: the robot's finer map where it has one, as `draw_fine_map` does.
 
-    Shown are known and unknown cells, believed obstacles and true ones (outlined), the 1-σ ellipses of the virtual
+    Else shown are known and unknown cells, believed obstacles and true ones (outlined), the 1-σ ellipses of the virtual
     landmarks, true (black) and estimated (yellow) landmarks, true (black) and estimated (green) trajectory with
     1-σ pose ellipses, the sensor's range, the candidates (purple) and the chosen one (red).
     """
+    if scene.snapshot.fine is None:
+        _draw_cells(axes, scene)
+    else:
+        draw_fine_map(axes, scene, truth=True)
+    frame(axes, scene)
+
+
+def frame(axes: Axes, scene: Scene) -> None:
+    """Show all of the map and nothing around it."""
+    size = scene.scenario.size
+    axes.set(xlim=(0, size), ylim=(0, size), aspect="equal", xticks=[], yticks=[])
+    axes.grid(False)
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+
+
+def _draw_cells(axes: Axes, scene: Scene) -> None:
     scenario, world, steps, snapshot = scene.scenario, scene.world, scene.steps, scene.snapshot
     grid = scenario.grid
     belief = unpack_map(snapshot.map, grid.shape)
@@ -94,14 +91,16 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
             axes.plot(*points[snapshot.choice], "o", color=CHOSEN, markersize=6)
         if snapshot.target is not None:
             axes.plot(*snapshot.target, "o", color=CHOSEN, markersize=6)
-    axes.set(xlim=(0, scenario.size), ylim=(0, scenario.size), aspect="equal", xticks=[], yticks=[])
-    axes.grid(False)
-    for spine in axes.spines.values():
-        spine.set_visible(True)
 
 
-def scene_legend() -> list[Line2D | Patch]:
-    """Handles of a legend for `draw_scene`."""
+def scene_legend(scene: Scene) -> list[Line2D | Patch]:
+    """Handles of a legend for `draw_scene` of this moment; landmarks stand in it where the world has some."""
+    if scene.snapshot.fine is not None:
+        return fine_map_legend(scene, truth=True)
+    landmarks = [
+        Line2D([], [], marker="+", color=TRUE, linestyle="none", markeredgewidth=1.6, label="true landmark"),
+        Line2D([], [], marker="+", color=LANDMARK, linestyle="none", markeredgewidth=1.6, label="estimated landmark"),
+    ]
     return [
         Patch(facecolor=UNKNOWN, label="unknown"),
         Patch(facecolor=OCCUPIED, label="believed obstacle"),
@@ -110,8 +109,7 @@ def scene_legend() -> list[Line2D | Patch]:
         Line2D([], [], marker="o", color=ELLIPSE, markerfacecolor="none", linestyle="none", label="virtual landmark"),
         Line2D([], [], color=TRUE, label="true trajectory"),
         Line2D([], [], color=ESTIMATE, label="estimated trajectory, 1 σ"),
-        Line2D([], [], marker="+", color=TRUE, linestyle="none", markeredgewidth=1.6, label="true landmark"),
-        Line2D([], [], marker="+", color=LANDMARK, linestyle="none", markeredgewidth=1.6, label="estimated landmark"),
+        *(landmarks if len(scene.world.landmarks) else ()),
         Line2D([], [], marker="o", color=CANDIDATE, linestyle="none", markersize=4, label="candidate"),
         Line2D([], [], marker="o", color=CHOSEN, linestyle="none", label="chosen"),
     ]

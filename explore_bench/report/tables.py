@@ -1,4 +1,4 @@
-"""The paper's tables, and ours beside them, as Markdown, CSV and LaTeX."""
+"""The paper's tables with ours beside them, and those of any scenario, as Markdown, CSV and LaTeX."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import csv
 import io
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +14,11 @@ import pandas as pd
 
 from explore_bench.analysis.metrics import METRICS, REGRET, Metric
 from explore_bench.analysis.statistics import Estimate, paired_difference
-from explore_bench.analysis.tables import by_world
+from explore_bench.analysis.tables import by_world, of_paper
+from explore_bench.records.encoding import TrialRecord
 from explore_bench.report.drawing import entry_of
 from explore_bench.strategies.registry import in_order, strategies
+from explore_bench.world.kinds import kind_of
 
 PAPER_TABLES = {
     "table2": "Table 2. Trajectory error e and exploration efficiency η of the compared methods",
@@ -112,9 +114,23 @@ def escape(text: str) -> str:
 
 
 def report_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:
-    """Tables by the names of their files: the paper's, the details of every strategy and the paired differences."""
-    made = {name: paper_table(name, title, summary) for name, title in PAPER_TABLES.items()}
+    """Tables by the names of their files: e and η, the details of every strategy and the paired differences.
+
+    e and η stand in the paper's tables, beside what it prints, where the trials are of its scenario.
+    """
+    made = {"means": means_table(trials, summary)}
+    if of_paper(trials):
+        made = {name: paper_table(name, title, summary) for name, title in PAPER_TABLES.items()}
     return made | {"details": details_table(trials, summary), "paired": paired_table(trials)}
+
+
+def kind_tables(records: Iterable[TrialRecord], trials: pd.DataFrame) -> dict[str, Table]:
+    """Tables of their own of the kinds of world that some trials are of, by the names of their files."""
+    made: dict[str, Table] = {}
+    for kind in dict.fromkeys(record.spec.scenario.kind for record in records):
+        tables = kind_of(kind).load("tables")
+        made |= tables(trials) if tables is not None else {}
+    return made
 
 
 def write_tables(tables: Mapping[str, Table], folder: Path) -> list[Path]:
@@ -154,6 +170,21 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
     return Table(title, tuple(header), tuple(rows), NOTE, scopes, tuple(of_columns))
 
 
+def means_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
+    """E and η of every strategy and size, in a scenario for which the paper prints nothing."""
+    header = ("Method", "size [m]", "n", "trials not explored", *(heading(METRICS[name]) for name in PAPER_METRICS))
+    rows, scopes = [], []
+    unique = summary.drop_duplicates(["strategy", "size", "metric"])
+    for (strategy, size), cell in groups_of(trials):
+        lines = unique[unique["strategy"] == strategy].set_index(["metric", "size"])
+        unfinished = int((cell["status"] != "explored").sum())
+        row = (shown_name(strategy), f"{size:g}", str(cell["trial"].nunique()), str(unfinished))
+        rows.append((*row, *(_measured(lines, name, size) or "–" for name in PAPER_METRICS)))
+        scopes.append(Scope((strategy,), size))
+    title = "Trajectory error e and exploration efficiency η of every strategy and size"
+    return Table(title, header, tuple(rows), NOTE, tuple(scopes))
+
+
 def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
     """How the trials of every strategy and size ended, and what else was measured."""
     units = {name: METRICS[name] for name in METRICS} | {"regret": REGRET}
@@ -183,7 +214,7 @@ def paired_table(trials: pd.DataFrame) -> Table:
         for a, b in itertools.combinations(names, 2):
             pair = [here[here["strategy"] == name] for name in (a, b)]
             both = set(pair[0]["trial"]) & set(pair[1]["trial"])
-            cells = [_paired(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
+            cells = [paired_text(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
             rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both)), *cells))
             scopes.append(Scope((a, b), size))
     note = "Mean difference over the worlds that both tried, scored as above [95 % BCa bootstrap interval]."
@@ -191,10 +222,10 @@ def paired_table(trials: pd.DataFrame) -> Table:
     return Table(title, tuple(header), tuple(rows), note, tuple(scopes))
 
 
-def _paired(a: dict[int, float], b: dict[int, float]) -> str:
-    """Difference of two strategies; a dash for a metric that is not defined for every trial."""
+def paired_text(a: dict[int, float], b: dict[int, float]) -> str:
+    """Difference of two strategies; a dash without a common world or where a trial lacks the metric."""
     values = [*a.values(), *b.values()]
-    return interval_text(paired_difference(a, b)) if all(map(math.isfinite, values)) else "–"
+    return interval_text(paired_difference(a, b)) if a.keys() & b.keys() and all(map(math.isfinite, values)) else "–"
 
 
 def groups_of(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:

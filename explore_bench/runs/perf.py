@@ -1,4 +1,4 @@
-"""Where a step's time goes, as ratios to iSAM2's own update measured in the same run.
+"""Where a step's time goes, as ratios to iSAM2's own update measured in the same run; and that of the lidar worlds.
 
 Whole trials give what a step costs in the benchmark; trajectories of short steps on the same maps give 1000 poses and
 more, and with them the growth of the cost with the length of the trajectory.
@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import math
 import statistics
-import time
-from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from explore_bench.analysis.csv_files import plain
 from explore_bench.errors import writing
+from explore_bench.runs.perf_by_lidar import SCENES, ScenePart, SceneTimes, measure_scene, scene_table
+from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.run import run_trial
@@ -33,7 +33,7 @@ SHORT_STEPS = {20.0: 0.06, 40.0: 0.15}
 
 TRIALS = 5
 DECISION_TRIALS = 2
-ISAM2, DECISION = "isam2", "decision"
+ISAM2 = "isam2"
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ class Perf:
     median_step_to_isam2_ratio : median step over median update, at each length.
     step_growth_1000_over_100 : median step at 1000 poses over that at 100.
     decision_ms : strategy → size → median time of a choice; NaN for a strategy that made none (null in JSON).
+    scenes : what trials in lidar worlds cost, by scene.
     """
 
     step_to_isam2_ratio: dict[str, float]
@@ -64,27 +65,11 @@ class Perf:
     step_growth_1000_over_100: dict[str, float]
     decision_ms: dict[str, dict[str, float]]
     parts: list[Part]
-
-
-class Stopwatch:
-    """Collects the time of each part of each step; give `lap` to `run_trial`."""
-
-    def __init__(self) -> None:
-        self.steps: list[dict[str, float]] = [defaultdict(float)]
-        self._last = time.perf_counter()
-
-    def lap(self, part: str) -> None:
-        """Note the time since the last lap; the part `row` ends a step."""
-        now = time.perf_counter()
-        if part != DECISION:
-            self.steps[-1][part] += now - self._last
-        if part == "row":
-            self.steps.append(defaultdict(float))
-        self._last = time.perf_counter()
+    scenes: list[SceneTimes] = field(default_factory=list)
 
 
 def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
-    """Run the trials and take the times; about a minute, after a first run that compiles."""
+    """Run the trials and take the times; about two minutes, after a first run that compiles."""
     ratios: dict[str, float] = {}
     medians: dict[str, dict[str, float]] = {}
     growth: dict[str, float] = {}
@@ -115,7 +100,11 @@ def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
         for name, entry in strategies().items()
         if entry.ready
     }
-    return Perf(ratios, medians, growth, decisions, parts)
+    scenes = []
+    for scene in SCENES:
+        say(f"whole trials by lidar, {scene}")
+        scenes.append(measure_scene(scene))
+    return Perf(ratios, medians, growth, decisions, parts, scenes)
 
 
 def text(perf: Perf) -> str:
@@ -135,6 +124,8 @@ def text(perf: Perf) -> str:
     lines += ["", f"{'median decision [ms]':<22}" + "".join(f"{f'{size:g} m':>10}" for size in SIZES)]
     for name, by_size in perf.decision_ms.items():
         lines.append(f"{name:<22}" + "".join(f"{by_size[f'{size:g}']:>10.3f}" for size in SIZES))
+    if perf.scenes:
+        lines += ["", *scene_table(perf.scenes)]
     return "\n".join(lines[1:])
 
 
@@ -149,16 +140,14 @@ def write_json(perf: Perf, path: Path) -> None:
         path.write_text(json.dumps(plain(asdict(perf)), indent=1) + "\n", encoding="utf-8")
 
 
-class FreeChoice:
-    """Chooses at no cost, so that a step's time is the harness's own."""
-
-    def reset(self, rng: object) -> None:
-        """Begin a trial, drawing from its stream."""
-        self._rng = rng
-
-    def choose(self, observation: object) -> int:
-        """Return any candidate."""
-        return int(self._rng.integers(len(observation.candidates)))  # type: ignore[attr-defined]
+def read_json(path: Path) -> Perf:
+    """Read what `write_json` wrote."""
+    values = json.loads(path.read_text(encoding="utf-8"))
+    scenes = [
+        SceneTimes(**{**scene, "parts": [ScenePart(**part) for part in scene["parts"]]})
+        for scene in values.get("scenes", ())
+    ]
+    return Perf(**{**values, "parts": [Part(**part) for part in values["parts"]], "scenes": scenes})
 
 
 def _steps(size: float, trial: int, step_length: float) -> list[dict[str, float]]:
@@ -172,7 +161,7 @@ def _steps(size: float, trial: int, step_length: float) -> list[dict[str, float]
         steps_per_cell=PAPER.steps_per_cell / scale,
     )
     watch = Stopwatch()
-    spec = TrialSpec("perf", "explore_bench.runs.perf:FreeChoice", scenario, trial, purpose="calibrate")
+    spec = TrialSpec("perf", "explore_bench.runs.stopwatch:FreeChoice", scenario, trial, purpose="calibrate")
     run_trial(spec, lap=watch.lap)
     return watch.steps[1:-1]
 

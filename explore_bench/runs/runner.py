@@ -17,6 +17,7 @@ from explore_bench.runs.workers.task import Report, make_task
 from explore_bench.strategies.loading import StrategyError, make_strategy
 from explore_bench.trial.containment import OutOfTime, one_process, time_limit
 from explore_bench.trial.spec import Outcome, TrialSpec
+from explore_bench.world.kinds import draw_world
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,12 +95,16 @@ def check_runnable(
 ) -> None:
     """Make every strategy of a plan once, where its trials will run, to find out what was asked for wrongly.
 
-    One that is broken (does not import, raises, takes too long, ends its process) passes: its trials say so.
+    One that is broken (does not import, raises, takes too long, ends its process) passes: its trials say so. Of every
+    given map one world is drawn.
 
     Raises
     ------
-    RequestError : for the first that does not exist, or whose parameters or weights are wrong.
+    RequestError : for the first that does not exist, or whose parameters or weights are wrong, and for a map into which
+        the robot does not fit.
     """
+    for mapped in {spec.scenario: spec for spec in specs if spec.scenario.map is not None}.values():
+        draw_world(mapped.scenario, mapped.generator("world"))
     unique: dict[tuple[str, int | None], TrialSpec] = {}
     for spec in specs:
         if not spec.broken:
@@ -169,18 +174,18 @@ def run(
     from explore_bench.analysis.tables import select
     from explore_bench.runs.suites import plan
     from explore_bench.world.scenario import Scenario
-    from explore_bench.world.scenarios import PAPER, load_scenario
+    from explore_bench.world.scenarios import load_scenario
 
     workers = crew(backend, workers, scheduler)
     if not isinstance(scenario, Scenario | str | None):
         raise RequestError(f"scenario is {scenario!r}; give a Scenario, the name of one or a TOML file.")
     strategies = [strategies] if isinstance(strategies, str) else strategies
-    name = scenario if isinstance(scenario, str) else "paper" if scenario is None else "custom"
+    name = Path(scenario).name if isinstance(scenario, str) else None if scenario is None else "custom"
     physics = load_scenario(scenario) if isinstance(scenario, str) else scenario
-    asked = plan(suite, strategies, sizes, trials, seed, physics, Path(name).name)
+    asked = plan(suite, strategies, sizes, trials, seed, physics, name)
     check_runnable(asked.specs, workers, backend, timeout)
     store = Store(Path(results))
-    store.open(seed, "evaluate", None if asked.varied else physics or PAPER)
+    store.open(seed, "evaluate", asked.scenario)
     to_do = list(missing(store, asked.specs))
     return select(complete(to_do, store, workers, backend, timeout, progress, scheduler), asked.specs)
 

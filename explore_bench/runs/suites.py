@@ -14,7 +14,7 @@ from explore_bench.trial.seeding import Purpose
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.world.maps import gallery
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.scenarios import PAPER
+from explore_bench.world.scenarios import PAPER, SCENARIOS
 
 MAX_ROOT = 2**32 - 1
 MAX_TRIALS = 100_000
@@ -26,8 +26,10 @@ class Suite:
 
     Attributes
     ----------
-    parts : (table, sizes [m]) pairs; a strategy runs at the sizes of every table that it belongs to.
+    parts : (table, sizes [m]) pairs; a strategy runs at the sizes of every table that it belongs to. A name that is no
+        table of the paper stands for the strategies whose entries take part under it.
     trials : worlds a size.
+    scenario : name of the scenario whose constants it runs on; None for the paper's, or whichever is given instead.
     variations : changes of the physical constants by the name under which their trials are kept; none for a suite
         that runs on the constants as they are.
     seeds : training seeds of a learned strategy that take part, the first of them; None for all.
@@ -36,6 +38,7 @@ class Suite:
     description: str
     parts: tuple[tuple[str, tuple[float, ...]], ...]
     trials: int = 50
+    scenario: str | None = None
     variations: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     seeds: int | None = None
 
@@ -46,7 +49,8 @@ class Suite:
 
     def sizes_of(self, entry: Entry) -> tuple[float, ...]:
         """Sizes at which a strategy runs [m]."""
-        return tuple(sorted({s for table, sizes in self.parts if table in entry.tables for s in sizes}))
+        own = {*entry.tables, *entry.suites}
+        return tuple(sorted({s for table, sizes in self.parts if table in own for s in sizes}))
 
 
 TABLE2 = ("table2", (20.0, 40.0))
@@ -71,6 +75,12 @@ ROBUSTNESS: dict[str, dict[str, float | bool]] = {
 MAPS: dict[str, dict[str, Any]] = {name: {"map": rows, "occlusion": True} for name, rows in gallery().items()}
 """The gallery; walls hide what lies behind them."""
 
+RANGES: dict[str, dict[str, float]] = {f"range {metres:g} m": {"sensor_range": metres} for metres in (10.0, 5.0)}
+"""Lidars of the suite `stage`: the paper's, and half of that."""
+
+PLANS: dict[str, dict[str, str]] = {scene: {"scene": scene} for scene in ("office", "rooms", "maze", "hall")}
+"""Floor plans that lidar worlds can draw."""
+
 SUITES: dict[str, Suite] = {
     "smoke": Suite("a look at every strategy in under a minute", (("table2", (20.0,)),), trials=4),
     "table2": Suite("Table 2, Figures 10 and 11: the compared methods at 20 and 40 m", (TABLE2,)),
@@ -91,6 +101,28 @@ SUITES: dict[str, Suite] = {
         variations=MAPS,
         seeds=1,
     ),
+    "stage": Suite(
+        "the compared methods in lidar worlds full of obstacles, at two ranges; give it a folder of its own",
+        (("table2", (20.0,)),),
+        scenario="stage",
+        variations=RANGES,
+        seeds=1,
+    ),
+    "plans": Suite(
+        "five methods in floor plans of four kinds, with a lidar; give it a folder of its own",
+        (("plans", (20.0,)),),
+        trials=10,
+        scenario="stage",
+        variations=PLANS,
+        seeds=1,
+    ),
+    "figure16": Suite(
+        "Figure 16: Graph-STNN and the nearest frontier with a lidar; give it a folder of its own",
+        (("figure16", (20.0,)),),
+        trials=5,
+        scenario="stage",
+        seeds=1,
+    ),
 }
 
 
@@ -100,13 +132,15 @@ class Plan:
 
     Attributes
     ----------
-    untrained : strategies it names that cannot run for want of weights.
-    varied : whether its trials run on several sets of physical constants.
+    scenario : physical constants of all of its trials, sizes aside; None where they run on several sets of them.
+    untrained : strategies that it leaves out for want of weights.
+    elsewhere : strategies of the suite that it leaves out, since they cannot run in worlds of this kind.
     """
 
     specs: tuple[TrialSpec, ...]
-    untrained: tuple[str, ...]
-    varied: bool = False
+    scenario: Scenario | None
+    untrained: tuple[str, ...] = ()
+    elsewhere: tuple[str, ...] = ()
 
 
 def plan(
@@ -116,7 +150,7 @@ def plan(
     trials: int | None = None,
     root: int = 0,
     scenario: Scenario | None = None,
-    scenario_name: str = "paper",
+    scenario_name: str | None = None,
     purpose: Purpose = "evaluate",
 ) -> Plan:
     """List the trials of a suite: pure, cheap, in the order of strategies, sizes, variations, seeds and trials.
@@ -130,10 +164,12 @@ def plan(
     root : root seed; 0 is the benchmark's own.
     scenario : physical constants instead of the paper's; a size that it sets stands unless `sizes` is given. The
         variations of a suite change them further. A map has a size of its own.
+    scenario_name : under which its trials are kept where the suite does not vary the constants.
 
     Raises
     ------
-    RequestError : for an unknown suite or strategy, or a size, number or seed out of range.
+    RequestError : for an unknown suite or strategy, a size, number or seed out of range, a scenario that the suite does
+        not take, or a named strategy that cannot run in it.
     """
     if suite not in SUITES:
         raise unknown("suite", suite, SUITES)
@@ -143,9 +179,7 @@ def plan(
         raise RequestError(f"trials is {count}; ask for a whole number from 1 to {MAX_TRIALS}.")
     if not 0 <= root <= MAX_ROOT:
         raise RequestError(f"seed is {root}; give a root seed from 0 to {MAX_ROOT}.")
-    base = scenario or PAPER
-    if base.map is not None and any("map" in changes for changes in chosen.variations.values()):
-        raise RequestError(f"suite '{suite}' has maps of its own; leave yours out, or choose another suite.")
+    base = _base(suite, chosen, scenario)
     asked_sizes = bool(sizes)
     if not sizes and scenario is not None and "size" in scenario.model_fields_set:
         sizes = (scenario.size,)
@@ -153,13 +187,22 @@ def plan(
     picked = [lookup(name) for name in dict.fromkeys(names)] or list(strategies().items())
     if len({name for name, _ in picked}) < len(picked):
         raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory or leave one out.")
-    variations = chosen.variations or {scenario_name: {}}
+    variations = chosen.variations or {scenario_name or chosen.scenario or "paper": {}}
     alone: list[tuple[int | None, str | None]] = [(None, None)]  # without training seeds
     specs: list[TrialSpec] = []
     untrained: list[str] = []
+    elsewhere: list[str] = []
     for name, entry in picked:
         own_sizes = tuple(sizes) or chosen.sizes_of(entry) or (chosen.sizes if names else ())
         if not own_sizes or (not names and not chosen.sizes_of(entry)):
+            continue
+        if not entry.runs_in(base.kind):
+            if names:
+                kinds = " or ".join(entry.kinds)
+                raise RequestError(
+                    f"strategy '{name}' runs in worlds of kind {kinds}, not '{base.kind}'; leave it out."
+                )
+            elsewhere.append(name)
             continue
         if not entry.ready:
             untrained.append(name)
@@ -184,4 +227,24 @@ def plan(
                 for seed, weights in list(entry.weights.items())[: chosen.seeds] or alone
                 for trial in range(count)
             ]
-    return Plan(tuple(specs), tuple(untrained), bool(chosen.variations))
+    return Plan(tuple(specs), None if chosen.variations else base, tuple(untrained), tuple(elsewhere))
+
+
+def _base(name: str, suite: Suite, scenario: Scenario | None) -> Scenario:
+    """Constants on which a suite runs, or those that its variations change."""
+    if suite.scenario is not None:
+        if scenario is not None:
+            raise RequestError(
+                f"suite '{name}' runs in the scenario '{suite.scenario}' alone; leave your scenario or map out, or "
+                "choose another suite."
+            )
+        return SCENARIOS[suite.scenario][0]
+    base = scenario or PAPER
+    if suite.variations and base.kind != PAPER.kind:
+        raise RequestError(
+            f"suite '{name}' varies worlds of kind '{PAPER.kind}', not '{base.kind}'; leave your scenario out, or "
+            "choose another suite."
+        )
+    if base.map is not None and any("map" in changes for changes in suite.variations.values()):
+        raise RequestError(f"suite '{name}' has maps of its own; leave yours out, or choose another suite.")
+    return base

@@ -31,8 +31,11 @@ class Entry:
     color : its fixed colour, "#rrggbb".
     parameters : keyword arguments of the factory.
     tables : the paper's tables that it belongs to.
+    suites : what it takes part in beside its tables, as suites name it.
+    kinds : of world in which it can run; empty for all.
     published : what those tables print of it.
     reference : whether it is told the truth; it is marked so in every table and compared with nobody.
+    baseline : whether it is what others are measured by, in tables of the differences to one.
     trainer : "module:name" of what trains it; None for one that is not learned.
     training : what the trainer should do otherwise than usual, as the trainer defines it.
     weights : safetensors file of each training seed, a path or "package:path" (see `weights_file`); a learned
@@ -45,8 +48,11 @@ class Entry:
     color: str = "#7f7f7f"
     parameters: Mapping[str, Any] = field(default_factory=dict)
     tables: tuple[str, ...] = ("table2", "table3")
+    suites: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
     published: Published = field(default_factory=dict)
     reference: bool = False
+    baseline: bool = False
     trainer: str | None = None
     training: Mapping[str, Any] = field(default_factory=dict)
     weights: Mapping[int, str] = field(default_factory=dict)
@@ -65,6 +71,10 @@ class Entry:
     def ready(self) -> bool:
         """Whether it can run: a learned strategy needs weights."""
         return self.trainer is None or bool(self.weights)
+
+    def runs_in(self, kind: str) -> bool:
+        """Whether it can run in worlds of a kind."""
+        return not self.kinds or kind in self.kinds
 
 
 def parse_factory(factory: str) -> tuple[str, str]:

@@ -142,7 +142,7 @@ def _play(
         if isinstance(event, Step):
             steps.append(event)
             continue
-        snapshot = take_snapshot(event.belief, event.candidates.tolist())
+        snapshot = take_snapshot(event.belief, event.candidates.tolist(), event.positions)
         count = len(event.candidates)
         seconds.append(0.0)
         begin = time.perf_counter()

@@ -25,21 +25,37 @@ DEFAULT_KIND = "landmark"
 class Kind:
     """Parts of a kind of world, each "module:name".
 
+    A trial runs the first four. The others look at what it left, and are empty in a kind of world that has no more to
+    say of its trials than all kinds have.
+
     Attributes
     ----------
     scenario : its Scenario: the protocol with the physics of this kind.
     world : its World, the truth.
     step : the row that is kept of every step.
     explorer : its Explorer, the robot in that world.
+    metrics : its metrics beside the common ones, a mapping of names to Metrics.
+    facts : what the world of a trial is like, a function of its record that gives plain values by name.
+    tables : what a report shows of its trials, a function of the rows of trials.csv that gives Tables by name.
     """
 
     scenario: str
     world: str
     step: str
     explorer: str
+    metrics: str = ""
+    facts: str = ""
+    tables: str = ""
 
-    def load(self, part: str) -> Any:
-        """Import the part of this name."""
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """The parts that a trial runs: an edit of these makes it another one."""
+        return self.scenario, self.world, self.step, self.explorer
+
+    def load(self, part: str, absent: Any = None) -> Any:
+        """Import the part of this name; `absent` stands for one that the kind does not have."""
+        if not getattr(self, part):
+            return absent
         module, _, name = getattr(self, part).partition(":")
         return getattr(importlib.import_module(module), name)
 
@@ -56,6 +72,9 @@ KINDS: dict[str, Kind] = {
         world="explore_bench.world.lidar.world:LidarWorld",
         step="explore_bench.trial.lidar.step:LidarStep",
         explorer="explore_bench.trial.lidar.explorer:LidarExplorer",
+        metrics="explore_bench.analysis.lidar.metrics:METRICS",
+        facts="explore_bench.analysis.lidar.facts:facts",
+        tables="explore_bench.report.lidar.tables:tables",
     ),
 }
 

@@ -3,11 +3,14 @@
 import csv
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from handmade import TINY, record, tiny_plan, with_spec
+from handmade_lidar import lidar_record
+from lidar_worlds import SMALL, drawn
 
 from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.metrics import METRICS
@@ -15,10 +18,12 @@ from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import (
     SUMMARY_COLUMNS,
     TRIAL_COLUMNS,
+    WORLD_COLUMNS,
     by_world,
     select,
     summary_table,
     trial_table,
+    world_table,
     write_trials,
 )
 from explore_bench.analysis.times import TIME_COLUMNS, expected_seconds, write_times
@@ -27,6 +32,7 @@ from explore_bench.runs.runner import Outcome
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.spec import Status
+from explore_bench.world.lidar.facts import Facts
 from explore_bench.world.scenario import Scenario
 
 MAP = Scenario(size=20.0)
@@ -64,6 +70,13 @@ def test_the_columns_of_trials_csv_begin_as_the_design_says():
         "exploration_efficiency",
         "trajectory_error",
     )
+
+
+def test_trials_in_landmark_worlds_have_the_columns_of_the_stored_table(stored):
+    """The file of the benchmark's own results, to the byte."""
+    results = Path(__file__).parents[2] / "results" / "trials.csv"
+    header = results.read_text(encoding="utf-8").splitlines()[0]
+    assert header == ",".join(TRIAL_COLUMNS) == ",".join(trial_table(stored.store.records()[0]).columns)
 
 
 def test_every_metric_is_a_column_of_trials_csv_once():
@@ -258,6 +271,41 @@ def test_every_value_of_the_paper_is_in_the_summary_once(trials):
     keys = list(zip(printed["table"], printed["strategy"], printed["size"], printed["metric"], strict=True))
     wanted = [(t, name, s, m) for name, entry in strategies().items() for t, s, m in entry.published]
     assert sorted(keys) == sorted(wanted)
+
+
+@pytest.mark.parametrize("scenario", ["stage", "chen2020"])
+def test_beside_trials_of_another_scenario_there_is_no_value_of_the_paper(trials, scenario):
+    """Nor a line for what did not run there: nobody asked for it."""
+    summary = summary_table(trials.assign(scenario=scenario))
+    assert summary["paper"].isna().all()
+    assert set(summary["strategy"]) == set(trials["strategy"])
+    ours = ["table", "strategy", "size", "metric", "n", "mean", "ci_low", "ci_high"]
+    own = summary_table(trials)
+    pd.testing.assert_frame_equal(summary[ours], own[own["n"] > 0][ours].reset_index(drop=True))
+
+
+def test_worlds_of_a_kind_that_says_nothing_of_them_are_not_listed(stored):
+    table = world_table(stored.store.records()[0])
+    assert table.empty
+    assert tuple(table.columns) == WORLD_COLUMNS
+
+
+def test_every_lidar_world_is_listed_once_with_its_facts_for_the_range_of_the_lidar():
+    """Two strategies in two worlds, and one of these with a lidar that sees less."""
+    world = drawn(8.0, (3.0, 5.0, 3.0, 5.0), start=(1.0, 1.0, 0.0))
+    other = drawn(8.0, start=(1.0, 1.0, 0.0))
+    near = SMALL.replace(sensor_range=2.0)
+    made = [lidar_record(rows=1, strategy=name, world=world) for name in ("nearest", "random")]
+    made += [lidar_record(rows=1, trial=1, world=other)]
+    made += [lidar_record(rows=1, scenario=near, name="range 2 m", world=world)]
+    table = world_table(made)
+    assert list(table.columns) == [*WORLD_COLUMNS, "scene", *Facts._fields]
+    assert table["scenario"].tolist() == ["range 2 m", "stage", "stage"]
+    assert table["trial"].tolist() == [0, 0, 1]
+    assert table["world"].tolist() == [world.digest, world.digest, other.digest]
+    assert table["loops"].tolist() == [1, 1, 0]
+    assert table["beyond_range"][0] > table["beyond_range"][1] > 0.0
+    assert table["free_area"].tolist() == pytest.approx([7.8**2 - 4.0, 7.8**2 - 4.0, 7.8**2])
 
 
 def test_a_strategy_without_trials_stands_in_it_with_no_worlds_and_no_mean(trials):

@@ -268,8 +268,9 @@ def test_holm_is_between_no_correction_and_bonferroni_and_keeps_the_order(values
     assert (np.diff(adjusted[order]) >= 0).all()
 
 
-def test_under_the_null_a_family_errs_in_at_most_five_of_a_hundred_cases():
+def test_under_the_null_a_family_errs_in_at_most_five_of_a_hundred_cases(monkeypatch):
     """400 families of 8 dependent comparisons over 30 worlds without any difference: all share one strategy."""
+    monkeypatch.setattr(statistics, "PERMUTATIONS", 999)  # p-values are valid whatever the number of flips
     rng = np.random.default_rng(11)
     errors = 0
     for family in range(400):

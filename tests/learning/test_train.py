@@ -28,7 +28,7 @@ from explore_bench.records.provenance import scenario_digest
 from explore_bench.strategies.loading import make_strategy
 from explore_bench.trial import seeding
 from explore_bench.trial.decision_process import Course
-from explore_bench.world.scenarios import PAPER
+from explore_bench.world.scenarios import PAPER, load_scenario
 
 torch.set_num_threads(1)
 
@@ -280,6 +280,90 @@ def test_every_learned_strategy_can_be_trained(tmp_path, name):
     scales = (1.0, 1.2) if name == "graph-stnn-plus" else (1.0,)
     assert run.course == Course(SMALL.replace(**STRATEGIES[name].training), "train", 3, scales=scales)
     assert run.validation == Course(SMALL, "validate", 0, scales=scales)
+    assert list(tmp_path.iterdir()) == []
+
+
+# Other worlds, and weights to start from
+
+
+@pytest.fixture
+def lidar(tmp_path):
+    """Return the file of a scenario of lidar worlds whose episodes take a tenth of a second."""
+    file = tmp_path / "lidar.toml"
+    file.write_text('extends = "stage"\nsize = 8.0\nsensor_range = 4.0\n')
+    return file
+
+
+def test_a_training_in_lidar_worlds_is_of_them_alone_and_goes_on(call, tmp_path, lidar):
+    for folder, counts in (("through", (8,)), ("stopped", (4, 8))):
+        for count in counts:
+            options = ("--scenario", lidar, "--episodes", count, "--resume")
+            code, out, err = call("graph-stnn", *options, out=tmp_path / folder)
+            assert (code, err) == (0, ""), out
+    one, other = (load_state(tmp_path / folder / "graph-stnn-0.last")[0] for folder in ("through", "stopped"))
+    assert same(one, other)
+    assert log_of(tmp_path / "through") | {"resumed": [4]} == log_of(tmp_path / "stopped")
+    card = checkpoint.read_card(tmp_path / "through" / "graph-stnn-0.safetensors")
+    assert card["scenario"] == {"kind": "lidar", "size": 8.0, "sensor_range": 4.0}
+    assert card["scenario_digest"] == scenario_digest(load_scenario(str(lidar)))
+    assert card["command"].endswith(f" --scenario {lidar}")
+
+
+def test_a_training_goes_on_in_the_worlds_in_which_it_began(refused, tmp_path, lidar):
+    train(tmp_path, episodes=4)
+    assert "is of another network or other settings" in refused("graph-stnn", "--resume", "--scenario", lidar)
+
+
+def test_in_a_given_map_all_worlds_have_its_size(tmp_path):
+    file = tmp_path / "mapped.toml"
+    file.write_text('map = ["#####", "#...#", "#...#", "#####"]\n')
+    run = training.Training("graph-stnn-plus", STRATEGIES["graph-stnn-plus"], 0, tmp_path, str(file))
+    assert run.course.scales == run.validation.scales == (1.0,)
+    assert run.course.scenario_of(1).map
+
+
+def test_what_a_strategy_changes_must_be_a_constant_of_the_scenario(refused, lidar):
+    line = refused("gcn-no-obs", "--scenario", lidar)
+    assert f"strategy 'gcn-no-obs' cannot be trained in the scenario '{lidar}': scenario key 'obstacle_count'" in line
+
+
+def test_weights_to_start_from_are_kept_where_nothing_that_follows_is_better(tmp_path, monkeypatch):
+    train(tmp_path / "before", seed=5)
+    begin = tmp_path / "before" / "graph-stnn-5.safetensors"
+    seen, scores = [], iter([(10.0, 1.0, 0.5), (10.0, 1.0, 0.8), (10.0, 1.0, 0.7)])
+
+    def greedy(network, course, count):
+        score = next(scores)
+        seen.append({name: tensor.clone() for name, tensor in network.state_dict().items()})
+        return [SimpleNamespace(number=0, score=lambda _: score)] * count
+
+    monkeypatch.setattr(training, "greedy", greedy)
+    name = "graph-stnn"
+    training.train(name, STRATEGIES[name], 0, 8, False, tmp_path / "after", lambda _: None, start=begin)
+    assert same(seen[0], load_file(begin))
+    assert not same(seen[1], seen[0]), "it learns"
+    assert [row[0] for row in log_of(tmp_path / "after")["validations"]] == [0, 4, 8]
+    assert same(load_file(tmp_path / "after" / "graph-stnn-0.safetensors"), seen[0])
+    card = checkpoint.read_card(tmp_path / "after" / "graph-stnn-0.safetensors")
+    assert card["start"] == {"weights": begin.name, "sha256": checkpoint.read_card(begin)["sha256"]}
+    assert card["episodes"] == 0
+    assert card["command"] == f"explore-bench train graph-stnn --seed 0 --episodes 1 --from {begin}"
+
+
+def test_a_training_goes_on_from_the_weights_from_which_it_began(call, refused, tmp_path):
+    for seed in (5, 6):
+        train(tmp_path / "before", seed=seed, episodes=4)
+    one, other = (tmp_path / "before" / f"graph-stnn-{seed}.safetensors" for seed in (5, 6))
+    assert call("graph-stnn", "--episodes", 4, "--from", one)[0] == 0
+    assert "is of another network or other settings" in refused("graph-stnn", "--resume", "--from", other)
+    assert "is of another network or other settings" in refused("graph-stnn", "--resume")
+    assert call("graph-stnn", "--episodes", 8, "--from", one, "--resume")[0] == 0
+    assert [row[0] for row in log_of(tmp_path)["validations"]] == [0, 4, 8], "not validated twice"
+
+
+def test_weights_that_are_none_or_of_another_network_are_refused(refused, tmp_path):
+    assert "there are no weights 'nowhere.safetensors'" in refused("graph-stnn", "--from", "nowhere.safetensors")
+    assert "were made for network 'GCN'" in refused("graph-stnn", "--from", "baselines:weights/gcn-obs-0.safetensors")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,9 +3,12 @@
 Shell commands stand in blocks tagged `console`, each on a line that begins with `$ ` (a backslash continues it), and
 `# exits N` behind one that is to end with another exit code than 0. A block of Python or TOML whose first line is a
 comment with a file's name is written to that file. The blocks of a page run in order in one folder that holds copies
-of `examples/` and `results/reference/`, and the environment as `.venv`.
+of `examples/` and `results/reference/`, and the environment as `.venv`. Of the quick blocks `explore-bench` is called
+in this process, which has imported and compiled everything; once in a while, with the slow tests, every block is run by
+a shell, as a reader would.
 """
 
+import contextlib
 import os
 import re
 import shlex
@@ -18,7 +21,7 @@ from pathlib import Path
 import click
 import pytest
 
-from explore_bench.cli import cli
+from explore_bench.cli import cli, main
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -67,23 +70,40 @@ def script(body):
     return "\n".join(lines)
 
 
-def carry_out(block, folder):
-    """Write a block's file, or run its commands."""
+def carry_out(block, folder, run):
+    """Write a block's file, or run its commands; `run` is in_a_shell or in_this_process."""
     if block.file:
         path = folder / block.file
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.body, encoding="utf-8")
-        return
+    else:
+        run(block.body, folder)
+
+
+def in_this_process(body, folder):
+    """Call what the commands of a block call; whatever is not plainly `explore-bench` is left to a shell."""
+    for command in commands(body):
+        told, exits = EXITS.sub("", command), EXITS.search(command)
+        if not told.startswith("explore-bench ") or re.search(r"[|&;<>$*`]", told):
+            in_a_shell(f"$ {command}\n", folder)
+            continue
+        with contextlib.chdir(folder), pytest.raises(SystemExit) as ended:
+            main(shlex.split(told)[1:])
+        assert (ended.value.code or 0) == int(exits[1] if exits else 0), command
+
+
+def in_a_shell(body, folder):
+    """Run the commands of a block as a reader would, with this environment's first on the path."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
-        ["bash", "-c", script(block.body)],
+        ["bash", "-c", script(body)],
         cwd=folder,
         env=os.environ | {"PATH": path, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         timeout=SECONDS,
     )
-    assert done.returncode == 0, f"{block.body}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    assert done.returncode == 0, f"{body}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
 
 
 def prepare(folder):
@@ -96,7 +116,6 @@ def prepare(folder):
 
 WITH_COMMANDS = [page for page in PAGES if any(not block.file for block in blocks(page.read_text(encoding="utf-8")))]
 FAST = [page for page in WITH_COMMANDS if any(not b.slow and not b.file for b in blocks(page.read_text("utf-8")))]
-SLOW = [page for page in WITH_COMMANDS if any(b.slow for b in blocks(page.read_text("utf-8")))]
 
 
 @pytest.mark.parametrize("page", FAST, ids=lambda page: page.stem)
@@ -104,15 +123,15 @@ def test_the_quick_commands_of_a_page_do_what_it_says(page, tmp_path):
     prepare(tmp_path)
     for block in blocks(page.read_text(encoding="utf-8")):
         if not block.slow:
-            carry_out(block, tmp_path)
+            carry_out(block, tmp_path, in_this_process)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", SLOW, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
 def test_all_commands_of_a_page_do_what_it_says(page, tmp_path):
     prepare(tmp_path)
     for block in blocks(page.read_text(encoding="utf-8")):
-        carry_out(block, tmp_path)
+        carry_out(block, tmp_path, in_a_shell)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -174,16 +193,28 @@ def test_a_page_is_read_block_by_block():
     assert commands(found[0].body) == ["one --x        2", "two  # exits 3"]
 
 
-def test_a_block_ends_at_the_first_command_that_fails(tmp_path):
-    carry_out(Block(False, "$ test -d .\n$ false  # exits 1\n$ touch reached\n"), tmp_path)
+@pytest.mark.parametrize("run", [in_a_shell, in_this_process])
+def test_a_block_ends_at_the_first_command_that_fails(tmp_path, run):
+    carry_out(Block(False, "$ test -d .\n$ false  # exits 1\n$ touch reached\n"), tmp_path, run)
     assert (tmp_path / "reached").exists()
     with pytest.raises(AssertionError, match="exit code 1"):
-        carry_out(Block(False, "$ false  # exits 2\n$ touch other\n"), tmp_path)
+        carry_out(Block(False, "$ false  # exits 2\n$ touch other\n"), tmp_path, run)
     with pytest.raises(AssertionError):
-        carry_out(Block(False, "$ false\n$ touch other\n"), tmp_path)
+        carry_out(Block(False, "$ false\n$ touch other\n"), tmp_path, run)
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("run", [in_a_shell, in_this_process])
+def test_a_command_ends_as_the_page_says_in_its_folder(tmp_path, run):
+    wrong = "$ explore-bench run --scenario here.toml smoke"
+    carry_out(Block(False, f"{wrong}  # exits 2\n$ test ! -e there && touch there\n"), tmp_path, run)
+    assert (tmp_path / "there").exists()
+    for otherwise in (f"{wrong}  # exits 1", "$ explore-bench list  # exits 2"):
+        with pytest.raises(AssertionError):
+            carry_out(Block(False, f"{otherwise}\n$ touch other\n"), tmp_path, run)
     assert not (tmp_path / "other").exists()
 
 
 def test_a_named_block_is_written(tmp_path):
-    carry_out(blocks(PAGE)[2], tmp_path)
+    carry_out(blocks(PAGE)[2], tmp_path, in_this_process)
     assert (tmp_path / "made.py").read_text(encoding="utf-8") == "# made.py\nx = 1\n"

@@ -3,6 +3,7 @@
 import os
 import re
 import resource
+import runpy
 import shutil
 import subprocess
 import sys
@@ -111,13 +112,15 @@ def test_weights_of_another_network_are_refused_in_a_sentence(tmp_path):
         load_factory(entry.factory)(weights=entry.weights[0])
 
 
-def test_the_training_writes_weights_that_the_strategy_takes_and_the_same_each_time(tmp_path):
-    for name in ("a", "b"):
-        arguments = ["--batches", "1", "--size", "12", "--output", str(tmp_path / f"{name}.safetensors")]
-        command = [sys.executable, str(EXAMPLES / "train_learned.py"), *arguments]
-        found = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert found.returncode == 0, found.stderr
-        assert re.match(r" +8 episodes: mean efficiency \d\.\d+ m²/step", found.stdout)
+def test_the_training_writes_weights_that_the_strategy_takes_and_the_same_each_time(tmp_path, monkeypatch):
+    """Once by its command, and once in this process."""
+    arguments = ["--batches", "1", "--size", "12", "--output", str(tmp_path / "a.safetensors")]
+    command = [sys.executable, str(EXAMPLES / "train_learned.py"), *arguments]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    assert re.match(r" +8 episodes: mean efficiency \d\.\d+ m²/step", found.stdout)
+    monkeypatch.syspath_prepend(EXAMPLES)
+    runpy.run_path(str(EXAMPLES / "train_learned.py"))["train"](tmp_path / "b.safetensors", 1, 0, 12.0)
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
     load_factory(f"{EXAMPLES / 'learned.py'}:Learned")(weights=str(tmp_path / "a.safetensors"))
 

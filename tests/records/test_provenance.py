@@ -29,6 +29,7 @@ from explore_bench.records.provenance import (
 )
 from explore_bench.strategies.entry import parse_factory
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.kinds import KINDS
 from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER
@@ -534,6 +535,14 @@ def test_an_edit_makes_exactly_those_trials_stale_that_run_it(tmp_path):
     found = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=False)
     assert found.returncode == 0, found.stderr
     assert json.loads(found.stdout) == STALE
+
+
+def test_what_a_kind_says_of_records_is_no_part_of_its_trials():
+    """Its metrics and tables can change without a new simulation."""
+    followed = provenance._modules("baselines.nearest", "lidar").keys()
+    assert {"explore_bench.trial.lidar.explorer", "explore_bench.world.lidar.world"} <= followed
+    assert KINDS["lidar"].metrics.startswith("explore_bench.analysis.lidar")
+    assert not [name for name in followed if name.startswith(("explore_bench.analysis", "explore_bench.report"))]
 
 
 # Libraries

@@ -33,10 +33,17 @@ def summary(strategy="random", n=50, mean=1.0, paper=2.0):
     return dict(zip(SUMMARY_COLUMNS, values, strict=True))
 
 
-def trials(**values):
+def trials(scenario="paper", **values):
     """Trials with these values of e, one a world, and η the reverse."""
     rows = [
-        {"strategy": name, "size": 20.0, "trial": i, "trajectory_error": e, "exploration_efficiency": 1.0 / e}
+        {
+            "strategy": name,
+            "scenario": scenario,
+            "size": 20.0,
+            "trial": i,
+            "trajectory_error": e,
+            "exploration_efficiency": 1.0 / e,
+        }
         for name, own in values.items()
         for i, e in enumerate(own)
     ]
@@ -83,3 +90,8 @@ def test_the_tables_have_a_name_each():
     made = agreement_tables(trials(entropy=[1.0], random=[2.0]), pd.DataFrame([summary()]))
     assert list(made) == ["agreement", "order", "constants"]
     assert [scope.strategies for scope in made["agreement"].scopes] == [("random",)]
+
+
+@pytest.mark.parametrize("scenario", ["stage", "chen2020"])
+def test_trials_of_another_scenario_are_not_held_against_the_paper(scenario):
+    assert agreement_tables(trials(scenario, entropy=[1.0], random=[2.0]), pd.DataFrame([summary()])) == {}

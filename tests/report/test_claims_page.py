@@ -1,12 +1,13 @@
 """claims.md and claims.json from rows made by hand."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from explore_bench.analysis.claims import Claim, Comparison, claims, examine
+from explore_bench.analysis.claims import Claim, Comparison, claims, examine, verdict
 from explore_bench.analysis.training_curve import TRAINING_METRICS
 from explore_bench.report.pages.claims import (
     HEADER,
@@ -26,7 +27,14 @@ def trials():
     """Twenty worlds on which nearest has e = 1 and random e = 2, but for two worlds on which it is the other way."""
     values = {"nearest": [1.0] * 18 + [2.0] * 2, "random": [2.0] * 18 + [1.0] * 2}
     rows = [
-        {"strategy": name, "size": 20.0, "trial": trial, "trajectory_error": value, "exploration_efficiency": 1.0}
+        {
+            "strategy": name,
+            "scenario": "paper",
+            "size": 20.0,
+            "trial": trial,
+            "trajectory_error": value,
+            "exploration_efficiency": 1.0,
+        }
         for name, own in values.items()
         for trial, value in enumerate(own)
     ]
@@ -89,3 +97,20 @@ def test_the_page_says_every_comparison_in_words_and_explains_what_was_measured(
         assert [row[-1] for row in words.rows] == [sentence(finding) for finding in findings]
         assert numbers == comparison_table(claim, findings)
     assert all(metric.symbol in section.paragraphs[1] for metric in TRAINING_METRICS.values())
+
+
+def test_trials_of_another_scenario_say_nothing_of_the_paper_s_claims(trials, tmp_path):
+    """Whatever the claims, training curves' ones too; what an earlier report wrote of them goes."""
+    write_claims(examined(trials), tmp_path)
+    found = examined(trials.assign(scenario="stage"))
+    assert found == {}
+    assert write_claims(found, tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_claim_is_examined_where_the_trials_are_of_its_scenario(trials, monkeypatch):
+    own = dataclasses.replace(CLAIM, scenario="stage")
+    monkeypatch.setattr("explore_bench.analysis.claims.claims", lambda: (CLAIM, own))
+    assert list(examined(trials)) == [CLAIM]
+    assert list(examined(trials.assign(scenario="stage"))) == [own]
+    assert verdict(examined(trials.assign(scenario="stage"))[own]) == "supported"

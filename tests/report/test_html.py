@@ -278,6 +278,17 @@ def test_what_was_not_run_or_not_trained_is_said(untrained):
     assert "GCN-obs" in re.split(r": |; |\.$", line)
 
 
+@pytest.mark.parametrize("name", ["stage", "chen2020"])
+def test_a_page_of_another_scenario_promises_no_number_of_the_paper(name, bare):
+    """Nor does it miss strategies that only the paper's tables ask for."""
+    records = [with_spec(record(uncertainty=[200.0, 50.0]), scenario_name=name)]
+    words = Page(render_bare(records)).words
+    assert "so no number of it stands here" in words
+    assert "stands beside ours" not in " ".join(words.split())
+    assert not [line for line in gaps(trial_table(records)) if line.startswith("Not ")]
+    assert "stands beside ours" in " ".join(Page(render_bare([record(uncertainty=[200.0, 50.0])])).words.split())
+
+
 def test_unequal_sets_of_worlds_are_said():
     own = [record(trial=i, uncertainty=[200.0, 50.0]) for i in range(3)]
     others = [record(strategy="random", trial=i, uncertainty=[200.0, 50.0]) for i in range(1)]
@@ -290,7 +301,7 @@ def test_a_size_or_a_training_seed_that_a_strategy_skipped_is_said():
         [("nearest", None, 20.0), ("nearest", None, 40.0), ("random", None, 20.0)]
         + [("gcn-no-obs", seed, size) for seed, size in ((0, 20.0), (1, 20.0), (2, 20.0), (0, 40.0))],
         columns=["strategy", "training_seed", "size"],
-    ).assign(trial=0)
+    ).assign(trial=0, scenario="paper")
     own["training_seed"] = own["training_seed"].astype("Int64")
     found = gaps(own)
     assert "Random has no trials of 40 m." in found

@@ -2,6 +2,7 @@
 
 import dataclasses
 import gzip
+import hashlib
 
 import numpy as np
 import pytest
@@ -9,18 +10,14 @@ from handmade import record, with_spec
 from hypothesis import given, strategies as st
 
 from explore_bench.analysis.metrics import curve, exploration_efficiency
-from explore_bench.report.replays import (
-    AXIS_LEVELS,
-    SCALES,
-    Columns,
-    _integers,
-    _varints,
-    choose_trials,
-    pack_replay,
-    packed,
-    unpack_replay,
-)
-from explore_bench.trial.snapshot import unpack_ellipses, unpack_map
+from explore_bench.records.encoding import Replay, encode, read_record, read_replay
+from explore_bench.report.fine_replays import fine_maps
+from explore_bench.report.packing import AXIS_LEVELS, SCALES, Columns, _integers, _varints, unpack
+from explore_bench.report.replays import choose_trials, pack_replay, packed
+from explore_bench.runs.suites import plan
+from explore_bench.trial.run import run_trial
+from explore_bench.trial.snapshot import unpack_ellipses, unpack_fine_map, unpack_map
+from explore_bench.world.scenarios import load_scenario
 
 
 def tried(trial, uncertainty, strategy="nearest", **options):
@@ -93,7 +90,7 @@ def test_a_trial_that_failed_without_a_step_cannot_be_replayed():
 
 def test_every_step_comes_back_within_the_unit_of_its_column(both):
     record_, replay = both
-    found = unpack_replay(pack_replay(record_, replay))
+    found = unpack(pack_replay(record_, replay))
     steps = record_.steps
     for name in ("x", "y", "true_x", "true_y"):
         assert found[name] == pytest.approx(steps[name], abs=0.501 * SCALES[name])
@@ -111,7 +108,7 @@ def test_every_decision_comes_back(both):
     record_, replay = both
     scenario = record_.spec.scenario
     shape = scenario.grid.shape
-    found = unpack_replay(pack_replay(record_, replay))
+    found = unpack(pack_replay(record_, replay))
     assert found["decided_at"].tolist() == replay.steps
     assert found["choice"].tolist() == [-1 if choice is None else choice for choice in replay.choices]
     assert found["candidates"].tolist() == [cell for own in replay.candidates for cell in own or []]
@@ -131,7 +128,7 @@ def test_every_decision_comes_back(both):
 
 def test_the_true_world_comes_with_it(both):
     record_, replay = both
-    found = unpack_replay(pack_replay(record_, replay))
+    found = unpack(pack_replay(record_, replay))
     assert found["obstacles"] == np.flatnonzero(record_.world.obstacles).tolist()
     assert np.array(found["landmarks"]).reshape(-1, 2) == pytest.approx(record_.world.landmarks, abs=0.0051)
     assert (found["cells"], found["cellSize"]) == (record_.world.grid.columns, record_.world.grid.resolution)
@@ -160,7 +157,7 @@ def test_a_trial_without_a_decision_is_packed_as_nothing(stored, monkeypatch):
     empty = dataclasses.replace(replay, **{name: [] for name in columns})
     monkeypatch.setattr(stored.store, "replay", lambda spec: empty)
     assert packed(stored.store, record_) == ""
-    assert unpack_replay(pack_replay(record_, empty))["map"].size == 0
+    assert unpack(pack_replay(record_, empty))["map"].size == 0
 
 
 # Bytes
@@ -178,3 +175,79 @@ def test_a_replay_takes_few_bytes(both):
     cells = record_.spec.scenario.cell_count
     assert len(content) < 2000
     assert len(gzip.decompress(content)) < 3000 + 30 * len(record_.steps["step"]) + 4 * cells * len(replay.steps)
+
+
+def test_a_replay_in_a_landmark_world_has_the_bytes_that_it_always_had():
+    made = record(
+        x=[1.0, 2.5, 3.25],
+        y=[1.0, 1.0, 0.5],
+        true_x=[1.0, 2.4, 3.3],
+        heading=[0.0, -1.0, 7.0],
+        explored=[0.1, 0.2, 0.9],
+    )
+    cells = made.spec.scenario.cell_count
+    replay = Replay(
+        steps=[0, 1, 2],
+        candidates=[[3, 5], [7], None],
+        choices=[1, None, None],
+        targets=[None, (2.5, 4.0), None],
+        maps=[bytes([level] * cells) for level in (255, 100, 190)],
+        ellipses=[bytes([250, 100, 7] * cells)] * 3,
+        landmarks=[np.arange(5.0).reshape(1, 5)] * 3,
+    )
+    digest = hashlib.sha256(gzip.decompress(pack_replay(made, replay))).hexdigest()
+    assert digest == "f9e247931adc4092b0650472eea6cf1ad70e28ac30a02312afc1f0737b8cd5c8"
+
+
+# Finer maps
+
+
+@pytest.fixture(scope="module", params=["stage", "looping"])
+def fine(request, tmp_path_factory):
+    """Return the record and the replay of a trial with a finer map: a dense scene of 20 m, and one with closures."""
+    scenario = load_scenario("stage").replace(size=20.0)
+    if request.param == "looping":
+        scenario = scenario.replace(size=12.0, sensor_range=3.0)
+    own = plan("smoke", ["nearest"], [scenario.size], 1, scenario=scenario, scenario_name="stage")
+    spec = dataclasses.replace(own.specs[0], purpose="calibrate")
+    path = tmp_path_factory.mktemp("fine") / "a.parquet"
+    path.write_bytes(encode(run_trial(spec)))
+    return read_record(path), read_replay(path)
+
+
+def test_finer_maps_come_back_cell_by_cell(fine):
+    record_, replay = fine
+    found = unpack(pack_replay(record_, replay))
+    shape = record_.spec.scenario.map_grid.shape
+    assert found["fineCells"] == shape[1]
+    wanted = [unpack_fine_map(packed, shape) for packed in replay.fine_maps]
+    assert np.array_equal(fine_maps(found), wanted)
+    assert np.array_equal(wanted[-1], record_.fine_map)
+
+
+def test_trajectories_candidates_and_closures_come_back(fine):
+    record_, replay = fine
+    found = unpack(pack_replay(record_, replay))
+    path, at = np.empty((0, 2)), 0
+    for k, places in enumerate(replay.trajectories):
+        first, count = int(found["path_from"][k]), int(found["path_count"][k])
+        tail = np.stack((found["path_x"], found["path_y"]), axis=1)[at : at + count - first]
+        path, at = np.concatenate((path[:first], tail)), at + count - first
+        assert path == pytest.approx(places, abs=0.501 * SCALES["path_x"])
+    assert at == len(found["path_x"])
+    positions = np.stack((found["candidate_x"], found["candidate_y"]), axis=1)
+    assert positions == pytest.approx(np.concatenate(replay.positions), abs=0.501 * SCALES["candidate_x"])
+    assert len(positions) == len(found["candidates"])
+    loops = np.stack((found["loop_earlier"], found["loop_later"]), axis=1)
+    for count, own in zip(found["loop_count"].astype(int), replay.loops, strict=True):
+        assert np.array_equal(loops[:count], own)
+    if record_.spec.scenario.size == 12.0:
+        assert len(loops) > 0
+
+
+def test_a_replay_of_a_dense_scene_of_20_m_takes_less_than_400_kb(fine):
+    assert len(pack_replay(*fine)) < 400_000
+
+
+def test_a_replay_with_a_finer_map_has_the_same_bytes_twice(fine):
+    assert pack_replay(*fine) == pack_replay(*fine)

@@ -247,6 +247,24 @@ def test_a_metric_that_is_not_defined_has_no_paired_difference_and_stops_nothing
     assert row["e [m]: A − B"] == "0.000 [0.000, 0.000]"
 
 
+def test_tables_of_another_scenario_show_our_means_without_the_paper(trials):
+    """E and η have a table of their own there, with the same numbers."""
+    elsewhere = trials.assign(scenario="chen2020")
+    found = report_tables(elsewhere, summary_table(elsewhere))
+    assert list(found) == ["means", "details", "paired"]
+    own = row_of(found["means"], "Random")
+    assert (own["n"], own["trials not explored"]) == ("4", "1")
+    [beside] = [row for row in report_tables(trials, summary_table(trials))["table2"].rows if row[0] == "Random"]
+    assert [own["e [m]"], own["η [m²/step]"]] == [cell for cell in beside if "[" in cell]
+    assert "paper" not in found["means"].markdown().lower()
+    assert "means" not in report_tables(trials, summary_table(trials))
+
+
+def test_strategies_without_a_common_world_have_a_dash_for_their_difference():
+    rows = trial_table([ended(100, trial=0), ended(90, strategy="random", trial=1)])
+    assert paired_table(rows).rows[0][3:] == ("0", "–", "–", "–")
+
+
 # Formats
 
 

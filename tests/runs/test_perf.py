@@ -9,7 +9,9 @@ import pytest
 from explore_bench.cli import main
 from explore_bench.errors import RequestError
 from explore_bench.runs import perf
-from explore_bench.runs.perf import Part, measure, text, write_json
+from explore_bench.runs.perf import Part, measure, read_json, text, write_json
+from explore_bench.runs.perf_by_lidar import ScenePart, SceneTimes
+from explore_bench.runs.stopwatch import DECISION
 from explore_bench.strategies.entry import Entry
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
@@ -17,6 +19,7 @@ from explore_bench.world.scenarios import PAPER
 
 NEAREST = Entry("baselines.nearest:Nearest", "Nearest")
 DECISION_MS = perf._decision_ms
+PARTS = [ScenePart("match", 6.0, 0.6), ScenePart("loops", 4.0, 0.4), ScenePart("whole key pose", 10.0, 1.0)]
 
 
 def made_up(size, trial, step_length):
@@ -27,10 +30,11 @@ def made_up(size, trial, step_length):
 
 @pytest.fixture
 def cheap(monkeypatch):
-    """Two sizes of made-up times, and the decisions of one strategy in one tiny trial."""
+    """Two sizes of made-up times, the decisions of one strategy, and two scenes."""
     monkeypatch.setattr(perf, "_steps", made_up)
     monkeypatch.setattr(perf, "TRIALS", 2)
     monkeypatch.setattr(perf, "_decision_ms", lambda name, entry, size: size / 10)
+    monkeypatch.setattr(perf, "measure_scene", lambda scene: SceneTimes(scene, 200, 90.0, PARTS))
     untrained = Entry("nowhere:learned", "Learned", trainer="nowhere:train")
     monkeypatch.setattr(perf, "strategies", lambda: {"nearest": NEAREST, "learned": untrained})
 
@@ -90,6 +94,21 @@ def test_the_text_shows_both_numbers_that_are_goals_and_every_part(cheap):
     assert "learned" not in shown
 
 
+def test_scenes_stand_after_the_rest_and_come_back_from_the_file(cheap, tmp_path):
+    numbers = measure()
+    write_json(numbers, tmp_path / "perf.json")
+    assert read_json(tmp_path / "perf.json") == numbers
+    shown = text(read_json(tmp_path / "perf.json")).splitlines()
+    assert shown.index("lidar worlds: mean ms of each part per key pose (share)") > shown.index(
+        next(line for line in shown if line.startswith("median decision"))
+    )
+    assert shown[-1].split() == ["times", "real", "time", "90", "90"]
+    old = json.loads((tmp_path / "perf.json").read_text())
+    del old["scenes"]
+    (tmp_path / "old.json").write_text(json.dumps(old))
+    assert "lidar" not in text(read_json(tmp_path / "old.json"))
+
+
 def test_a_file_that_cannot_be_written_is_named(cheap, tmp_path):
     with pytest.raises(RequestError, match="nowhere"):
         write_json(measure(), tmp_path / "nowhere" / "perf.json")
@@ -107,12 +126,12 @@ def test_the_command_prints_and_writes_what_was_measured(cheap, tmp_path, capsys
 
 def test_every_step_of_a_real_trial_is_timed_in_all_its_parts():
     steps = perf._steps(20.0, 0, PAPER.step_length)
-    spec = TrialSpec("perf", "explore_bench.runs.perf:FreeChoice", PAPER, 0, purpose="calibrate")
+    spec = TrialSpec("perf", "explore_bench.runs.stopwatch:FreeChoice", PAPER, 0, purpose="calibrate")
     assert len(steps) == len(run_trial(spec).steps) - 1
     names = {"isam2", "row", "world", "driver"}
     assert all(names <= step.keys() for step in steps)
     assert all(seconds >= 0.0 for step in steps for seconds in step.values())
-    assert perf.DECISION not in steps[0], "a strategy's time is not the harness's"
+    assert DECISION not in steps[0], "a strategy's time is not the harness's"
 
 
 def test_the_time_of_a_decision_is_that_of_the_strategy(monkeypatch, tmp_path):
@@ -163,4 +182,5 @@ def test_the_real_measurement():
     numbers = measure()
     assert numbers.step_to_isam2_ratio["20"] < 8.0
     assert numbers.step_growth_1000_over_100["20"] < 20.0
+    assert all(times.times_real_time > 1.0 for times in numbers.scenes)
     assert statistics.median(by_size["20"] for by_size in numbers.decision_ms.values()) > 0.0

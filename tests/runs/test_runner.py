@@ -401,8 +401,9 @@ def test_a_trial_that_cannot_be_interrupted_ends_the_run_as_incomplete(store, tm
     assert list(missing(store, [*good, *bad])) == list(bad)
 
 
-def test_a_world_that_cannot_be_drawn_is_a_wrong_request(store):
+def test_a_world_that_cannot_be_drawn_is_a_wrong_request(store, monkeypatch):
     """100 obstacles and 1 landmark on 144 cells hardly ever leave connected ones."""
+    monkeypatch.setattr("explore_bench.world.landmark.world.MAX_DRAWS", 1000)
     crowded = TINY.replace(size=24.0, obstacle_count=100)
     with pytest.raises(RequestError, match="no connected world"):
         complete(plan("smoke", ["nearest"], trials=1, scenario=crowded).specs, store, 1, "sequential")

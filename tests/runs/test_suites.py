@@ -11,7 +11,7 @@ from explore_bench.runs.suites import SUITES, plan
 from explore_bench.strategies.registry import strategies
 from explore_bench.world.maps import gallery
 from explore_bench.world.scenario import Scenario
-from explore_bench.world.scenarios import PAPER
+from explore_bench.world.scenarios import PAPER, STAGE
 
 UNTRAINED_BASELINES = {"entropy", "uncertainty", "random", "nearest", "clairvoyant"}
 ABLATIONS = {
@@ -54,14 +54,15 @@ def every_field(spec):
 
 
 def test_the_suites_of_the_benchmark():
-    assert list(SUITES) == ["smoke", "table2", "table3", "layers", "paper", "robustness", "maps"]
+    landmarks = ["smoke", "table2", "table3", "layers", "paper", "robustness", "maps"]
+    assert list(SUITES) == [*landmarks, "stage", "plans", "figure16"]
     assert all(suite.description for suite in SUITES.values())
 
 
 def test_robustness_runs_every_strategy_at_20_m_under_every_variation_of_one_constant(all_trained):
     asked = plan("robustness")
-    assert asked.varied
-    assert not plan("paper").varied
+    assert asked.scenario is None
+    assert plan("paper").scenario == PAPER
     assert {spec.strategy for spec in asked.specs} == set(strategies())
     names = list(SUITES["robustness"].variations)
     assert names[0] == "paper"
@@ -94,7 +95,7 @@ def test_variations_change_a_scenario_that_is_given():
 
 def test_maps_runs_the_compared_methods_on_20_worlds_of_every_map_of_the_gallery_with_occlusion(all_trained):
     asked = plan("maps")
-    assert asked.varied
+    assert asked.scenario is None
     assert {spec.strategy for spec in asked.specs} == UNTRAINED_BASELINES | LEARNED["table2"]
     own = [spec for spec in asked.specs if spec.strategy == "nearest"]
     assert [spec.scenario_name for spec in own] == [name for name in gallery() for _ in range(20)]
@@ -123,6 +124,78 @@ def test_a_size_that_is_not_the_map_s_and_two_maps_at_once_are_refused():
     assert "size 30 m is not that of the map, 40 m" in message("maps", ["nearest"], [30.0])
     assert plan("maps", ["nearest"], [40.0], 1).specs == plan("maps", ["nearest"], trials=1).specs
     assert "suite 'maps' has maps of its own" in message("maps", ["nearest"], scenario=mapped)
+
+
+# Lidar worlds
+
+
+def test_stage_runs_the_compared_methods_on_50_lidar_worlds_at_two_ranges(all_trained):
+    asked = plan("stage")
+    assert asked.scenario is None
+    assert {spec.strategy for spec in asked.specs} == UNTRAINED_BASELINES - {"clairvoyant"} | LEARNED["table2"]
+    assert asked.elsewhere == ("clairvoyant",)
+    own = [spec for spec in asked.specs if spec.strategy == "gcn-obs"]
+    assert [spec.scenario_name for spec in own] == [name for name in ("range 10 m", "range 5 m") for _ in range(50)]
+    assert {spec.training_seed for spec in own} == {0}
+    scenarios = {spec.scenario_name: spec.scenario for spec in own}
+    assert scenarios == {f"range {r} m": STAGE.replace(size=20.0, sensor_range=float(r)) for r in (10, 5)}
+    assert scenarios["range 10 m"].scene == "dense"
+    assert own[0].generator("world").integers(10**9) == own[50].generator("world").integers(10**9), "the same scenes"
+
+
+def test_plans_runs_five_methods_on_ten_floor_plans_of_each_kind(all_trained):
+    asked = plan("plans")
+    assert asked.scenario is None
+    assert {spec.strategy for spec in asked.specs} == {"random", "nearest", "entropy", "graph-stnn", "graph-stnn-plus"}
+    own = [spec for spec in asked.specs if spec.strategy == "graph-stnn"]
+    assert [spec.scenario_name for spec in own] == [n for n in ("office", "rooms", "maze", "hall") for _ in range(10)]
+    assert all(spec.scenario == STAGE.replace(size=20.0, scene=spec.scenario_name) for spec in own)
+
+
+def test_figure_16_runs_two_methods_on_five_scenes(all_trained):
+    asked = plan("figure16")
+    assert asked.scenario == STAGE
+    assert [(spec.strategy, spec.trial) for spec in asked.specs] == [
+        (name, trial) for name in ("graph-stnn", "nearest") for trial in range(5)
+    ]
+    assert {(spec.scenario, spec.scenario_name) for spec in asked.specs} == {(STAGE.replace(size=20.0), "stage")}
+
+
+@pytest.mark.parametrize("suite", ["stage", "plans", "figure16"])
+def test_a_plugin_runs_in_all_worlds_of_a_suite_of_lidars(tmp_path, suite):
+    asked = plan(suite, [write_plugin(tmp_path)], trials=1)
+    assert [spec.scenario_name for spec in asked.specs] == list(SUITES[suite].variations or ["stage"])
+    assert {spec.scenario.kind for spec in asked.specs} == {"lidar"}
+
+
+@pytest.mark.parametrize("suite", ["stage", "plans", "figure16"])
+def test_a_suite_with_a_scenario_of_its_own_takes_no_other(suite):
+    for other in (STAGE, PAPER.replace(map=gallery()["loop"])):
+        sentence = message(suite, ["nearest"], scenario=other)
+        assert f"suite '{suite}' runs in the scenario 'stage' alone; leave your scenario or map out" in sentence
+
+
+@pytest.mark.parametrize("suite", ["robustness", "maps"])
+def test_variations_of_one_kind_of_world_are_refused_in_another(suite):
+    sentence = message(suite, ["nearest"], scenario=STAGE)
+    assert f"suite '{suite}' varies worlds of kind 'landmark', not 'lidar'; leave your scenario out" in sentence
+
+
+def test_the_paper_s_suite_runs_in_lidar_worlds_but_for_what_cannot(all_trained):
+    asked = plan("paper", trials=1, scenario=STAGE, scenario_name="stage")
+    here = plan("paper", trials=1)
+    assert asked.elsewhere == ("clairvoyant",)
+    assert not here.elsewhere
+    assert cells(asked.specs) == {cell for cell in cells(here.specs) if cell[0] != "clairvoyant"}
+    assert {(spec.scenario.kind, spec.scenario_name) for spec in asked.specs} == {("lidar", "stage")}
+
+
+def test_a_strategy_named_for_worlds_in_which_it_cannot_run_is_refused():
+    sentence = message("smoke", ["nearest", "clairvoyant"], scenario=STAGE)
+    assert sentence == "strategy 'clairvoyant' runs in worlds of kind landmark, not 'lidar'; leave it out."
+
+
+# The paper's suites
 
 
 def test_table_2_runs_at_20_and_40_m_and_table_3_at_30_m_too_on_50_worlds():

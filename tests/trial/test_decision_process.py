@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from handmade import TINY
+from lidar_worlds import SMALL as BY_LIDAR
 
 from explore_bench.trial.decision_process import Course, DecisionProcess
 from explore_bench.trial.explorer import ChoiceError
@@ -34,7 +35,7 @@ def drive(process, choose=nearest):
     return rewards, decided
 
 
-@pytest.mark.parametrize("scenario", [TINY, PAPER.replace(steps_per_cell=0.25)])
+@pytest.mark.parametrize("scenario", [TINY, PAPER.replace(steps_per_cell=0.25), BY_LIDAR])
 def test_the_rows_and_the_ending_are_those_of_the_trial_on_the_same_streams(scenario):
     for number in range(3):
         process = Course(scenario, "train", 5).begin(number)

@@ -1,5 +1,6 @@
 """A second kind of world runs through everything that is shared, from a scenario to a row of trials.csv."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -8,7 +9,7 @@ from second_kind import KIND, ChessScenario, ChessStep, registered
 
 from explore_bench import RequestError, Scenario, TrialSpec, World, draw_world, run_trial, stream
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.tables import TRIAL_COLUMNS, trial_table
+from explore_bench.analysis.tables import TRIAL_COLUMNS, summary_table, trial_table, world_table
 from explore_bench.records.encoding import read_replay
 from explore_bench.records.store import Store
 from explore_bench.runs.workers.task import warm_up
@@ -137,4 +138,30 @@ def test_every_kind_s_parts_can_be_imported_and_fit_together():
         again: World = kind.load("world").from_facts(json.loads(json.dumps(world.facts())), scenario)
         assert again.digest == world.digest
         assert (again.grid, again.start) == (world.grid, world.start)
-        assert all(part.count(":") == 1 for part in vars(kind).values())
+        assert all(part.count(":") == 1 for part in (*kind.simulated, *filter(None, vars(kind).values())))
+
+
+def test_what_a_kind_does_not_have_has_a_stand_in():
+    assert KINDS[KIND].load("metrics", {}) == {}
+    assert KINDS[KIND].load("tables") is None
+
+
+def test_a_kind_s_own_metrics_and_facts_come_into_the_files_of_a_folder(tmp_path, monkeypatch):
+    """Columns after the common ones, lines of the summary, and a line of worlds.csv a world."""
+    more = {"metrics": "second_kind_analysis:METRICS", "facts": "second_kind_analysis:facts"}
+    monkeypatch.setitem(KINDS, KIND, dataclasses.replace(KINDS[KIND], **more))
+    store = Store(tmp_path / "results")
+    store.open(0, "calibrate", ChessScenario())
+    for name in ("nearest", "random"):
+        store.write(run_trial(spec_of(name)))
+    records, _ = store.records()
+    table = trial_table(records)
+    assert list(table.columns) == [*TRIAL_COLUMNS, "turns"]
+    for record, turns in zip(records, table["turns"], strict=True):
+        assert turns == record.steps["diagonal"].sum()
+    [line] = summary_table(table).query("strategy == 'nearest' and metric == 'turns'").to_dict("records")
+    assert line["mean"] == table["turns"][0]
+    worlds = world_table(records)
+    assert worlds.to_dict("records") == [
+        {"scenario": "paper", "size": 16.0, "trial": 0, "world": records[0].world.digest, "pawns": 4}
+    ]

@@ -34,7 +34,7 @@
 
   if (!$("replays")) return;
 
-  // Replays: the format is that of explore_bench/report/replays.py.
+  // Replays: the format is that of explore_bench/report/packing.py and fine_replays.py.
 
   const { strategies, trials, colors, coverage } = JSON.parse($("replays").textContent);
   const opened = new Map();
@@ -75,6 +75,45 @@
       landmarkStarts: starts([...column.landmark_count]) };
   }
 
+  // Where the robot has a map finer than the grid of decisions: that map, and its way as it was estimated then.
+
+  function fineAt(replay, k) {
+    const c = replay.column, n = replay.fineCells;
+    if (!replay.fine || replay.fine.at > k) {
+      replay.fine = { at: -1, painted: -1, run: 0, pose: 0, cells: new Uint8Array(n * n), xs: [], ys: [],
+        paper: Object.assign(document.createElement("canvas"), { width: n, height: n }) };
+    }
+    const fine = replay.fine;
+    while (fine.at < k) {
+      fine.at++;
+      for (let i = 0, place = 0; i < c.fine_count[fine.at]; i++, fine.run++) {
+        place += c.fine_gap[fine.run];
+        fine.cells.fill(c.fine_class[fine.run], place, place += c.fine_length[fine.run]);
+      }
+      fine.xs.length = fine.ys.length = c.path_from[fine.at];
+      while (fine.xs.length < c.path_count[fine.at]) {
+        fine.xs.push(c.path_x[fine.pose]);
+        fine.ys.push(c.path_y[fine.pose++]);
+      }
+    }
+    if (fine.painted !== k) paint(fine, n);
+    fine.painted = k;
+    return fine;
+  }
+
+  function paint(fine, n) {
+    const g = fine.paper.getContext("2d"), image = g.createImageData(n, n);
+    const shades = [colors.unknown, colors.free, colors.occupied].map((color) => parseInt(color.slice(1), 16));
+    for (let i = 0; i < n * n; i++) {
+      const shade = shades[fine.cells[i]], at = 4 * ((n - 1 - Math.floor(i / n)) * n + i % n);
+      image.data[at] = shade >> 16;
+      image.data[at + 1] = shade >> 8 & 255;
+      image.data[at + 2] = shade & 255;
+      image.data[at + 3] = 255;
+    }
+    g.putImageData(image, 0, 0);
+  }
+
   function decisionAt(replay, step) {
     const at = replay.column.decided_at;
     let index = 0;
@@ -96,9 +135,51 @@
 
   function drawMap(canvas, replay, step, truth) {
     const [g, width] = fit(canvas);
-    const n = replay.cells, unit = width / n, scale = width / (n * replay.cellSize);
-    const px = (x) => x * scale, py = (y) => width - y * scale;
-    const c = replay.column, k = decisionAt(replay, step), base = k * n * n;
+    const view = { replay, step, truth, width, k: decisionAt(replay, step), scale: width / (replay.cells * replay.cellSize) };
+    view.px = (x) => x * view.scale;
+    view.py = (y) => width - y * view.scale;
+    if (replay.fineCells) drawFine(g, view);
+    else drawCells(g, view);
+  }
+
+  function drawFine(g, { replay, step, truth, width, k, px, py }) {
+    const c = replay.column, fine = fineAt(replay, k), next = k + 1 < c.decided_at.length ? c.decided_at[k + 1] : step;
+    g.imageSmoothingEnabled = false;
+    g.drawImage(fine.paper, 0, 0, width, width);
+    if (truth) {
+      const wide = width / replay.wallCells;
+      g.fillStyle = colors.truth;
+      g.globalAlpha = 0.55;
+      for (const cell of replay.obstacles) {
+        g.fillRect((cell % replay.wallCells) * wide, width - (Math.floor(cell / replay.wallCells) + 1) * wide, wide, wide);
+      }
+      g.globalAlpha = 1;
+    }
+    const since = c.decided_at[k] + 1;
+    way(g, [...fine.xs, ...c.x.subarray(since, step + 1)], [...fine.ys, ...c.y.subarray(since, step + 1)], px, py, colors.estimate, 2);
+    if (truth) way(g, c.true_x.subarray(0, step + 1), c.true_y.subarray(0, step + 1), px, py, colors.truth, 0.8);
+    for (let i = 0; i < c.loop_count[k]; i++) {
+      const ends = [c.loop_earlier[i], c.loop_later[i]];
+      way(g, ends.map((end) => fine.xs[end]), ends.map((end) => fine.ys[end]), px, py, colors.loop, 3);
+    }
+    g.setLineDash([5, 3]);
+    way(g, c.x.subarray(step, next + 1), c.y.subarray(step, next + 1), px, py, colors.chosen, 1.8);
+    g.setLineDash([]);
+    const first = replay.candidateStarts[k];
+    for (let i = 0; i < c.candidate_count[k]; i++) {
+      const chosen = i === c.choice[k];
+      g.fillStyle = chosen ? colors.chosen : colors.candidate;
+      disc(g, px(c.candidate_x[first + i]), py(c.candidate_y[first + i]), chosen ? 6 : 4);
+    }
+    if (c.choice[k] < 0 && c.target_x[k] >= 0) {
+      g.fillStyle = colors.chosen;
+      disc(g, px(c.target_x[k]), py(c.target_y[k]), 6);
+    }
+    robot(g, px(c.x[step]), py(c.y[step]), -c.heading[step]);
+  }
+
+  function drawCells(g, { replay, step, truth, width, k, scale, px, py }) {
+    const n = replay.cells, unit = width / n, c = replay.column, base = k * n * n;
     const column = (cell) => cell % n, row = (cell) => n - 1 - Math.floor(cell / n);
 
     g.fillStyle = colors.unknown;
@@ -147,8 +228,8 @@
     disc(g, x, y, replay.range * scale);
     g.globalAlpha = 1;
 
-    if (truth) way(g, c.true_x, c.true_y, step, px, py, colors.truth, 1);
-    way(g, c.x, c.y, step, px, py, colors.estimate, 1.8);
+    if (truth) way(g, c.true_x.subarray(0, step + 1), c.true_y.subarray(0, step + 1), px, py, colors.truth, 1);
+    way(g, c.x.subarray(0, step + 1), c.y.subarray(0, step + 1), px, py, colors.estimate, 1.8);
     g.strokeStyle = colors.estimate;
     g.lineWidth = 1.1;
     for (let i = 0; i < 12; i++) {
@@ -175,18 +256,18 @@
       const cx = (column(cell) + 0.5) * unit, cy = (row(cell) + 0.5) * unit;
       g.fillStyle = chosen ? colors.chosen : colors.candidate;
       disc(g, cx, cy, chosen ? Math.min(7, unit / 3) : Math.min(4.5, unit / 5));
-      if (chosen) way(g, x, y, cx, cy);
+      if (chosen) towards(g, x, y, cx, cy);
     }
     if (c.choice[k] < 0 && c.target_x[k] >= 0) {
       const tx = px(c.target_x[k]), ty = py(c.target_y[k]);
       g.fillStyle = colors.chosen;
       disc(g, tx, ty, Math.min(7, unit / 3));
-      way(g, x, y, tx, ty);
+      towards(g, x, y, tx, ty);
     }
     robot(g, x, y, -c.heading[step]);
   }
 
-  function way(g, x, y, toX, toY) {
+  function towards(g, x, y, toX, toY) {
     g.strokeStyle = colors.chosen;
     g.lineWidth = 1.2;
     g.setLineDash([4, 4]);
@@ -211,12 +292,12 @@
     g.stroke();
   }
 
-  function way(g, xs, ys, step, px, py, color, width) {
+  function way(g, xs, ys, px, py, color, width) {
     g.strokeStyle = color;
     g.lineWidth = width;
     g.lineJoin = "round";
     g.beginPath();
-    for (let i = 0; i <= step; i++) g.lineTo(px(xs[i]), py(ys[i]));
+    for (let i = 0; i < xs.length; i++) g.lineTo(px(xs[i]), py(ys[i]));
     g.stroke();
   }
 

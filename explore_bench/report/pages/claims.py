@@ -15,7 +15,7 @@ from explore_bench.analysis.claims import (
     Comparison,
     Finding,
     as_values,
-    claims,
+    claims_about,
     examine,
     metric_of,
     verdict,
@@ -25,6 +25,7 @@ from explore_bench.report.drawing import entry_of
 from explore_bench.report.html import Section
 from explore_bench.report.tables import Scope, Table, interval_text, number_text, signed_text
 
+FILES = ("claims.md", "claims.json")
 HEADER = (
     *("claimed better", "than", "metric", "size [m]", "verdict", "n", "means", "difference", "relative [%]"),
     *("p", "p, Holm", "d_z", "P(better)", "seeds", "single seeds"),
@@ -51,22 +52,26 @@ INTRODUCTION = (
 
 
 def examined(trials: pd.DataFrame) -> dict[Claim, list[Finding]]:
-    """Every claim with what the records say of it."""
-    return {claim: examine(claim, trials) for claim in claims()}
+    """Every claim about the scenario of some trials, with what these say of it."""
+    return {claim: examine(claim, trials) for claim in claims_about(trials)}
 
 
 def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
-    """Write claims.md and claims.json; returns the files."""
+    """Write claims.md and claims.json; returns the files. Without a claim, remove what an earlier report left."""
+    if not found:
+        for name in FILES:
+            (folder / name).unlink(missing_ok=True)
+        return []
     page = [f"# Do the claims hold?\n\n{INTRODUCTION}\n\n{NOTE}\n", overview(found).markdown()]
     for claim, findings in found.items():
         page.append(f"## Claim ({claim.name}): {verdict(findings)}\n\n{claim.statement} {summary(findings)}\n")
         page.append(comparison_table(claim, findings).markdown())
         page.append("\n".join(f"- {sentence(finding)}" for finding in findings) + "\n")
     values = [_values(claim, findings) for claim, findings in found.items()]
-    files = {"claims.md": "\n".join(page), "claims.json": json.dumps(values, indent=1, ensure_ascii=False) + "\n"}
-    for name, text in files.items():
+    texts = "\n".join(page), json.dumps(values, indent=1, ensure_ascii=False) + "\n"
+    for name, text in zip(FILES, texts, strict=True):
         (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in files]
+    return [folder / name for name in FILES]
 
 
 def _values(claim: Claim, findings: list[Finding]) -> dict[str, Any]:
@@ -80,7 +85,7 @@ def _values(claim: Claim, findings: list[Finding]) -> dict[str, Any]:
 def claims_section(found: dict[Claim, list[Finding]]) -> Section:
     """Return the claims as a part of the page."""
     tables = [table(*item) for item in found.items() for table in (words_table, comparison_table)]
-    return Section("Do the paper's claims hold?", (INTRODUCTION, NOTE), (overview(found), *tables))
+    return Section("Do the claims hold?", (INTRODUCTION, NOTE), (overview(found), *tables))
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:

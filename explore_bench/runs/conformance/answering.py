@@ -39,6 +39,17 @@ def in_time(evidence: Evidence) -> str:
     )
 
 
+def kinds(evidence: Evidence) -> str:
+    """It refused no kind of world, or not all and each always."""
+    found = evidence.examination
+    refused = found.refused
+    known = dict.fromkeys(tour.kind for tour in TOURS)
+    if refused.keys() == known.keys():
+        raise BrokenError(f"it refuses all: {next(iter(refused.values()))}")
+    runs = f"it runs in {', '.join(kind for kind in known if kind not in refused)}"
+    return "; ".join((runs, *(f"it refuses {kind}: {sentence}" for kind, sentence in refused.items())))
+
+
 def chooses(evidence: Evidence) -> str:
     """It raised nothing on ordinary maps."""
     return _complete(_answers(evidence, ORDINARY))
@@ -76,14 +87,17 @@ def plays(evidence: Evidence) -> str:
 
 
 def _answers(evidence: Evidence, tours: Sequence[Tour]) -> dict[Tour, Answers]:
-    """Its answers to some tours in the process of its own, which may have died meanwhile."""
+    """Its answers to those tours that it does not refuse, in the process of its own, which may have died meanwhile."""
     found = evidence.examination
-    for tour in tours:
+    shown = found.accepted(tours)
+    if not shown:
+        raise NotApplicableError(f"not applicable: it refuses worlds of the kind '{tours[0].kind}'")
+    for tour in shown:
         if tour not in found.tours:
             if tour is TOURS[len(found.tours)]:
                 raise BrokenError(f"{tour.name}: the process that it ran in {found.death}")
             raise NotApplicableError(f"before that, the process that it ran in {found.death}")
-    return {tour: found.tours[tour] for tour in tours}
+    return {tour: found.tours[tour] for tour in shown}
 
 
 def _complete(answers: dict[Tour, Answers]) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from explore_bench.errors import describe
+from explore_bench.errors import RequestError, describe
 from explore_bench.runs.conformance.chance import watched
 from explore_bench.runs.conformance.digest import changed_part, digests
 from explore_bench.runs.conformance.subject import Subject
@@ -46,6 +46,8 @@ class Answers:
     given : each answer.
     counts : number of candidates at each decision of the tour.
     error : what it did instead of the next answer; empty where it answered to the end.
+    refused : why it runs in no world of this kind, by its entry or in a RequestError before its first answer; empty
+        where it did not refuse it.
     late : whether that was for want of time.
     modified : part of an observation that it changed; empty where it changed none.
     drawn : modules from whose global generator it drew.
@@ -54,6 +56,7 @@ class Answers:
     given: tuple[Answer, ...]
     counts: tuple[int, ...]
     error: str
+    refused: str
     late: bool
     modified: str
     drawn: tuple[str, ...]
@@ -74,6 +77,8 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     strategy : one that was made before; None for a fresh one.
     chance : number of the state of the global generators.
     """
+    if not subject.entry.runs_in(tour.kind):
+        return Answers((), (), "", f"its entry names {', '.join(subject.entry.kinds)}", False, "", ())
     shown = observations(tour)
     before = [digests(observation) for observation in shown]
     counts = tuple(len(observation.candidates) for observation in shown)
@@ -82,7 +87,7 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"))
     given: list[Answer] = []
     drawn: list[str] = []
-    error, late, own = "", False, os.getpid()
+    error, refused, late, own = "", "", False, os.getpid()
     try:
         with contextlib.redirect_stdout(sys.stderr), time_limit(subject.timeout):
             strategy = subject.make() if strategy is None else strategy
@@ -98,13 +103,15 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
         raise
     except BaseException as raised:
         error = f"it raised {describe(raised)}"
+        if isinstance(raised, RequestError) and not given:
+            refused = " ".join(str(raised).split()).rstrip(".")
     finally:
         if os.getpid() != own:  # it forked and came back twice
             os._exit(0)
     modified = next(filter(None, map(changed_part, before, shown)), "")
     if modified:
         observations.cache_clear()
-    return Answers(tuple(given), counts, error, late, modified, tuple(drawn))
+    return Answers(tuple(given), counts, error, refused, late, modified, tuple(drawn))
 
 
 def _ask(events: Generator[Any, Any, Any], strategy: Any, shown: tuple[Observation, ...], given: list[Answer]) -> None:

@@ -27,6 +27,9 @@ from explore_bench.trial.spec import Status
 
 TOURS = (*ORDINARY, *SITUATIONS)
 
+WORKERS = 2
+"""Processes of the runner; a start costs more than a trial."""
+
 GRACE = 30.0
 """Seconds beyond its limit after which a process that cannot be interrupted is killed."""
 
@@ -52,7 +55,7 @@ class Examination:
     wrong : what was asked for wrongly (there is no such module, it takes no such parameters); empty where nothing was.
     refusal : why it cannot be made, in a sentence; empty where it can; None where it did not come to that.
     tours : its answers to the observations of each of TOURS, in their order.
-    trials : its own trial in each of the worlds of TRIALS.
+    trials : its own trial in each of the worlds of TRIALS that are of a kind which it does not refuse.
     hung : whether it could be stopped only by killing its process.
     death : how its process ended before its time, in words; empty where it did not.
     """
@@ -63,6 +66,21 @@ class Examination:
     trials: dict[Tour, Played] = field(default_factory=dict)
     hung: bool = False
     death: str = ""
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Kinds of world that it refused whenever it was shown one, and the sentence with which it did."""
+        accepted = {tour.kind for tour, answers in self.tours.items() if not answers.refused}
+        return {tour.kind: answers.refused for tour, answers in self.tours.items() if tour.kind not in accepted}
+
+    def accepted(self, tours: Iterable[Tour]) -> tuple[Tour, ...]:
+        """Those of some tours that are of a kind of world which it does not refuse."""
+        return tuple(tour for tour in tours if tour.kind not in self.refused)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all was done that there is to do."""
+        return len(self.tours) == len(TOURS) and len(self.trials) == len(self.accepted(TRIALS))
 
 
 def examine(subject: Subject) -> Examination:
@@ -103,8 +121,8 @@ def examine(subject: Subject) -> Examination:
 
 
 def _receive(pipe: BinaryIO, found: Examination, limit: float) -> None:
-    """Read what comes, until the last trial or something that ends the examination."""
-    while len(found.trials) < len(TRIALS) and not (found.refusal or found.wrong):
+    """Read what comes, until all is done or something ends the examination."""
+    while not (found.complete or found.refusal or found.wrong):
         if not select.select([pipe], [], [], limit)[0]:
             raise TimeoutError
         name, tour, value = pickle.load(pipe)
@@ -134,9 +152,11 @@ def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
     yield "refusal", None, refusal
     if refusal:
         return
+    found = Examination()
     for tour in TOURS:
-        yield "tours", tour, play(subject, tour)
-    for tour in TRIALS:
+        found.tours[tour] = play(subject, tour)
+        yield "tours", tour, found.tours[tour]
+    for tour in found.accepted(TRIALS):
         result = run_trial(subject.spec(tour), subject.timeout)
         answers = ((made.choice, made.target) for made in result.snapshots.values() if made.candidates is not None)
         choices = _choices(answers)
@@ -165,8 +185,10 @@ def _refusal(subject: Subject) -> str:
     return ""
 
 
-def run_in_workers(subject: Subject) -> dict[Tour, Played]:
-    """Run the same trials as `explore_bench.run` does: in worker processes, each stored and read again.
+def run_in_workers(subject: Subject, tours: Sequence[Tour]) -> dict[Tour, Played]:
+    """Run its trials in the worlds of tours as `explore_bench.run` does: in worker processes, stored and read again.
+
+    The tours' numbers differ.
 
     Raises
     ------
@@ -176,9 +198,9 @@ def run_in_workers(subject: Subject) -> dict[Tour, Played]:
     with TemporaryDirectory() as folder:
         store = Store(Path(folder))
         store.open(0, "calibrate", None)
-        specs = {subject.spec(tour).trial: tour for tour in TRIALS}
-        assert len(specs) == len(TRIALS)
-        for outcome in execute([subject.spec(tour) for tour in TRIALS], store, len(TRIALS), timeout=subject.timeout):
+        specs = {subject.spec(tour).trial: tour for tour in tours}
+        assert len(specs) == len(tours)
+        for outcome in execute([subject.spec(tour) for tour in tours], store, WORKERS, timeout=subject.timeout):
             replay = store.replay(outcome.spec)
             choices = _choices(zip(replay.choices, replay.targets, strict=True))
             found[specs[outcome.spec.trial]] = Played(outcome.status, outcome.reason, choices)

@@ -8,7 +8,7 @@ from functools import cached_property
 from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.apart import Examination, Played, examine, run_in_workers
 from explore_bench.runs.conformance.subject import Subject
-from explore_bench.runs.conformance.tours import Tour
+from explore_bench.runs.conformance.tours import TRIALS, Tour
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Evidence:
     @cached_property
     def in_workers(self) -> dict[Tour, Played]:
         """How its trials went in the runner's worker processes."""
-        return run_in_workers(self.subject)
+        return run_in_workers(self.subject, self.examination.accepted(TRIALS))
 
     def answers(self, tour: Tour) -> Answers:
         """What a fresh one answers to the observations of a tour, in this process."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.evidence import Evidence
-from explore_bench.runs.conformance.tours import LARGE, ORDINARY, SMALL, Tour
+from explore_bench.runs.conformance.tours import ORDINARY, Tour
 from explore_bench.runs.conformance.verdict import BrokenError, NotApplicableError
 from explore_bench.runs.workers import IncompleteError
 from explore_bench.trial.spec import Status
@@ -23,7 +23,7 @@ def own_stream(evidence: Evidence) -> str:
 
 def deterministic(evidence: Evidence) -> str:
     """Asked again, here and in another process, it answers the same; states of global generators do not matter."""
-    for tour in ORDINARY:
+    for tour in evidence.examination.accepted(ORDINARY):
         first = evidence.answers(tour)
         _alike(tour, first, play(evidence.subject, tour, chance=1), "when it was asked again")
         _alike(tour, first, evidence.examination.tours[tour], "in another process, with another seed of hashes")
@@ -33,7 +33,7 @@ def deterministic(evidence: Evidence) -> str:
 def forgets(evidence: Evidence) -> str:
     """An object that played other tours answers as a fresh one does."""
     used = evidence.subject.make()
-    for tour in (LARGE, SMALL, LARGE):
+    for tour in evidence.examination.accepted((*ORDINARY, *ORDINARY)):
         _alike(tour, evidence.answers(tour), play(evidence.subject, tour, used), "after another trial")
     return ""
 

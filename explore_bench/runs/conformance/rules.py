@@ -41,7 +41,13 @@ class Rule:
 RULES = (
     Rule("made", "It can be imported and made, and has the methods reset and choose.", answering.made),
     Rule("in-time", "It decides within the time limit.", answering.in_time, ("made",)),
-    Rule("chooses", "It chooses at every decision.", answering.chooses, ("in-time",)),
+    Rule(
+        "kinds",
+        "It runs in every kind of world, or refuses one: by the kinds of its entry, or in a sentence at once.",
+        answering.kinds,
+        ("in-time",),
+    ),
+    Rule("chooses", "It chooses at every decision.", answering.chooses, ("kinds",)),
     Rule("integer", "It answers an integer, or a Target: no bool, no float, no None.", answering.integer, ("chooses",)),
     Rule(
         "in-range",

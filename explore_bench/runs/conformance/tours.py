@@ -1,12 +1,13 @@
 """Observations to show to a strategy, whatever it answers: those of real rollouts, driven by somebody else.
 
-Nothing is made up: one candidate or sixty, no landmark, a corner are scenarios of their own.
+Nothing is made up: one candidate or sixty, no landmark, a corner, another kind of world are scenarios of their own.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from explore_bench.geometry import Pose
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.loop import rollout
 from explore_bench.trial.seeding import Role, stream
-from explore_bench.world.landmark.scenario import LandmarkScenario
-from explore_bench.world.landmark.world import LandmarkWorld
-from explore_bench.world.scenarios import PAPER
+from explore_bench.world.kinds import World, draw_world
+from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER, STAGE
 
 
 @dataclass(frozen=True)
@@ -33,20 +34,26 @@ class Tour:
     """
 
     name: str
-    scenario: LandmarkScenario
+    scenario: Scenario
     trial: int
     start: Pose | None = None
     choices: tuple[int | Target, ...] | None = None
     decisions: int = 1000
 
+    @property
+    def kind(self) -> str:
+        """Kind of its world."""
+        return self.scenario.kind
+
     def generator(self, role: Role) -> np.random.Generator:
         """Return the trial's stream of a role."""
         return stream("calibrate", 0, self.scenario.size, self.trial, role)
 
-    def world(self) -> LandmarkWorld:
+    def world(self) -> World:
         """Draw its world."""
-        drawn = LandmarkWorld.draw(self.scenario, self.generator("world"))
-        return drawn if self.start is None else replace(drawn, start=self.start)
+        drawn: Any = draw_world(self.scenario, self.generator("world"))
+        world: World = drawn if self.start is None else replace(drawn, start=self.start)
+        return world
 
 
 @cache
@@ -84,7 +91,8 @@ _FINE = PAPER.replace(
 
 LARGE = Tour("20 m", PAPER, trial=0)
 SMALL = Tour("14 m", _SMALL, trial=1)
-ORDINARY = (LARGE, SMALL)
+LIDAR = Tour("12 m by lidar", STAGE.replace(size=12.0, sensor_range=5.0, coverage=0.9), trial=7, decisions=12)
+ORDINARY = (LARGE, SMALL, LIDAR)
 
 ONE_CANDIDATE = Tour("one candidate", _SMALL.replace(candidates_per_robot=1, candidates_per_landmark=0), trial=1)
 MANY_CANDIDATES = Tour(f"{MANY} candidates", _FINE, trial=2, decisions=4)
@@ -96,5 +104,9 @@ CORNERS = tuple(
 )
 SITUATIONS = (ONE_CANDIDATE, MANY_CANDIDATES, NO_LANDMARK, *CORNERS)
 
-TRIALS = (replace(LARGE, name="a trial of 20 m", trial=10), replace(SMALL, name="a trial of 14 m", trial=11))
+TRIALS = (
+    replace(LARGE, name="a trial of 20 m", trial=10),
+    replace(SMALL, name="a trial of 14 m", trial=11),
+    replace(LIDAR, name="a trial of 12 m by lidar", trial=12, decisions=1000),
+)
 """Worlds of a strategy's own trials: others than those of the tours, of which it may keep something."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.geometry import Array, Pose, between, compose
+from explore_bench.geometry import Array, Pose, compose
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.lidar.frontiers import Frontier
 from explore_bench.robot.lidar.local_planner import local_planner
@@ -20,6 +20,8 @@ from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.explorer import Patience, StuckError, checked
+from explore_bench.trial.lidar.loops import Loops
+from explore_bench.trial.lidar.ride import Ride
 from explore_bench.trial.lidar.step import LidarStep
 from explore_bench.trial.spec import Status
 from explore_bench.world.lidar.motion import Vehicle
@@ -44,9 +46,6 @@ RELEASE_SHIFT = 0.1
 
 BLIND_SECONDS, LOST_DISTANCE = 60.0, 2.0
 """A trial ends when no scan has matched for so long [s], or the robot is so far from where it believes to be [m]."""
-
-CLOSURE_DISTANCE, CLOSURE_TURN = 0.3, math.radians(3.0)
-"""A closure is true where its relative pose is this near to the true one [m, rad]."""
 
 
 class LidarExplorer:
@@ -80,8 +79,8 @@ class LidarExplorer:
         self._vehicle = Vehicle(self.scenario, world, motion)
         self._lidar = Lidar(self.scenario, world, sensing)
         self._truth = _Truth(self.scenario, world)
-        self._true_keys: list[Pose] = [world.start]
-        self._false_closures = self._judged = 0
+        self._loops, self._ride = Loops(self.scenario, world), Ride(self.scenario, world)
+        self._in_vain = 0
         self._local = {margin: local_planner(self.scenario, margin) for margin in MARGINS}
         self.mapper = Mapper(self.scenario, world.start, self._lidar.scan(world.start), lap)
         self._navigator = Navigator(self.scenario, self.mapper.slam.map)
@@ -165,11 +164,12 @@ class LidarExplorer:
         yield from self._follow(route, frontier)
         if frontier is not None and not self._navigator.resolved(frontier):
             self._navigator.note_in_vain(frontier)
+            self._in_vain += 1
 
     def row(self) -> LidarStep:
         """The primitives after the last key pose."""
         slam = self.mapper.slam
-        self._judge()
+        self._loops.compare(slam.closures)
         values: tuple[Any, ...] = (
             self.steps,
             self.decisions,
@@ -186,7 +186,12 @@ class LidarExplorer:
             self._truth.mislabelled(slam.map.known, slam.map.occupied),
             self._seconds,
             len(slam.closures),
-            self._false_closures,
+            self._loops.false,
+            self._loops.missed,
+            self._in_vain,
+            self._ride.clearance,
+            self._ride.unsafe_seconds,
+            self._ride.speed_change,
         )
         row = LidarStep(*values)
         self._lap("row")
@@ -255,6 +260,7 @@ class LidarExplorer:
 
     def _tick(self, command: tuple[float, float]) -> None:
         motion = self._vehicle.move(command)
+        self._ride.tick(self._vehicle.pose, self._vehicle.velocity[0])
         self._seconds += self.scenario.tick
         so_far, length, turned = self._since
         self._since = compose(so_far, motion), length + math.hypot(motion[0], motion[1]), turned + abs(motion[2])
@@ -265,21 +271,13 @@ class LidarExplorer:
         self.steps += 1
         scan = self._lidar.scan(self._vehicle.pose)
         self._lap("world")
-        self._true_keys.append(self._vehicle.pose)
         shift = self.mapper.update(*self._since, scan)
+        self._loops.visit(self._vehicle.pose, self.mapper.slam.links)
+        self._lap("judging")
         if not self.mapper.slam.unmatched:
             self._matched_at = self._seconds
         self._since = ((0.0, 0.0, 0.0), 0.0, 0.0)
         return shift
-
-    def _judge(self) -> None:
-        """Compare new closures with the truth."""
-        closures = self.mapper.slam.closures
-        for closure in closures[self._judged :]:
-            true = between(self._true_keys[closure.earlier], self._true_keys[closure.later])
-            x, y, turn = between(true, closure.motion)
-            self._false_closures += math.hypot(x, y) > CLOSURE_DISTANCE or abs(turn) > CLOSURE_TURN
-        self._judged = len(closures)
 
 
 class _Truth:

@@ -177,10 +177,10 @@ def _given(
         start = row * grid.columns + column
         reached = _region_of(fits, start)
     if start < 0 or not reached.reshape(-1)[start]:
-        where = "anywhere in the map" if start < 0 else "where the map starts"
+        nowhere = "anywhere in the map; look at the resolution", "where the map starts; move the start"
         raise RequestError(
-            f"a robot of {scenario.robot_radius:g} m with a passage of {passage:g} m does not fit {where}; lower "
-            "robot_radius and passage, or move the start."
+            f"a robot of {scenario.robot_radius:g} m with a passage of {passage:g} m does not fit "
+            f"{nowhere[start >= 0]}, or lower robot_radius and passage."
         )
     away = ndimage.distance_transform_edt(~reached) * grid.resolution
     x, y = centre_of(grid, start)

@@ -82,7 +82,7 @@ def cells_of(raster: Raster, cell_size: float, most: int = MAX_CELLS) -> tuple[s
     raster = _cropped(raster)
     pieces = max(1, math.ceil(raster.resolution / cell_size - 1e-9))
     height, width = raster.pixels.shape
-    _check_extent(width * raster.resolution, height * raster.resolution, cell_size, most)
+    _check_extent(width, height, raster.resolution, cell_size, most)
     step = raster.resolution / pieces
     across, first_column = _cells_along(raster.origin[0], step, width * pieces, cell_size)
     up, first_row = _cells_along(raster.origin[1], step, height * pieces, cell_size)
@@ -139,13 +139,15 @@ def _cropped(raster: Raster) -> Raster:
     return replace(raster, pixels=raster.pixels[top:bottom, left:right], origin=origin)
 
 
-def _check_extent(width: float, height: float, cell_size: float, most: int) -> None:
-    extent = f"{width:g} × {height:g} m"
-    if max(width, height) < cell_size:
+def _check_extent(width: int, height: int, resolution: float, cell_size: float, most: int) -> None:
+    longer = max(width, height) * resolution
+    extent = f"{width * resolution:g} × {height * resolution:g} m"
+    if longer < cell_size:
         raise ValueError(f"it shows {extent}, less than a cell of {cell_size:g} m; look at the resolution")
-    edge = math.ceil(max(width, height) / cell_size - 1e-9)
+    edge = math.ceil(longer / cell_size - 1e-9)
     if edge * edge > most:
+        fix = "take a larger cell_size" if resolution < cell_size * (1 - 1e-9) else "crop it, scale it down"
         raise ValueError(
             f"{extent} are {edge} cells of {cell_size:g} m a side, and a square holds at most {math.isqrt(most)}; "
-            "take a larger cell_size, or give the metres of a pixel as resolution"
+            f"{fix}, or give the metres of a pixel as resolution"
         )

@@ -6,13 +6,15 @@ import sys
 import numpy as np
 import pytest
 
+from explore_bench.errors import RequestError
 from explore_bench.runs.conformance.answers import ELSEWHERE, play
 from explore_bench.runs.conformance.subject import Subject
-from explore_bench.runs.conformance.tours import LARGE, SMALL, observations
+from explore_bench.runs.conformance.tours import LARGE, LIDAR, SMALL, observations
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.kinds import KINDS
 
 SUBJECT = Subject.of("nearest", 60.0)
+WORLD_TYPES = tuple(kind.load("world") for kind in KINDS.values())
 
 
 class Asked:
@@ -49,6 +51,14 @@ def test_whatever_it_raises_ends_the_tour():
         assert not answers.late
 
 
+def test_a_request_error_before_the_first_answer_is_a_refusal_and_later_an_error_like_any():
+    answers = ask(RequestError("no maps of  Mars."))
+    assert answers.refused == "no maps of Mars"
+    assert answers.error == "it raised RequestError: no maps of  Mars."
+    assert ask(0, RequestError("no more.")).refused == ""
+    assert ask(ValueError("no")).refused == ""
+
+
 def test_an_interruption_by_the_user_is_not_the_strategy_s():
     with pytest.raises(KeyboardInterrupt):
         ask(KeyboardInterrupt())
@@ -74,18 +84,18 @@ class LooksAround(Asked):
     def choose(self, observation):
         frame, found = sys._getframe(1), []
         while frame is not None:
-            found += [value for value in frame.f_locals.values() if isinstance(value, LandmarkWorld | TrialSpec)]
+            found += [value for value in frame.f_locals.values() if isinstance(value, (*WORLD_TYPES, TrialSpec))]
             frame = frame.f_back
         generator = sys._getframe(1).f_locals["events"]
         self.found = [*found, inspect.getgeneratorlocals(generator)["world"]]
         return 0
 
 
-@pytest.mark.parametrize("tour", [LARGE, SMALL], ids=lambda tour: tour.name)
+@pytest.mark.parametrize("tour", [LARGE, SMALL, LIDAR], ids=lambda tour: tour.name)
 def test_around_it_is_a_trial_in_another_world_of_the_same_scenario(tour):
     spy = LooksAround()
     play(SUBJECT, tour, spy)
-    worlds = {found.digest for found in spy.found if isinstance(found, LandmarkWorld)}
+    worlds = {found.digest for found in spy.found if isinstance(found, WORLD_TYPES)}
     specs = [found for found in spy.found if isinstance(found, TrialSpec)]
     assert len(worlds) == 1
     assert tour.world().digest not in worlds

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from explore_bench.runs.conformance.digest import changed_part, digests
-from explore_bench.runs.conformance.tours import SMALL, observations
+from explore_bench.runs.conformance.tours import LIDAR, SMALL, observations
 
 
 @pytest.fixture(scope="module")
@@ -21,6 +21,24 @@ def test_all_parts_have_one(observation):
     assert {"belief.graph.elimination.corner"} <= found.keys()
     assert any(name.startswith("belief.graph.linearization.") for name in found)
     assert {"roads.grid", "roads.free", "roads.start", "robot"} <= found.keys()
+
+
+def test_so_have_those_of_a_lidar_world():
+    seen = observations(LIDAR)[-1]
+    found = digests(seen)
+    assert {f"belief.fine.{part}" for part in ("grid", "known", "occupied")} <= found.keys()
+    assert {"belief.graph.links", "roads.free"} <= found.keys()
+    for holder in (seen.belief.fine, seen.roads):
+        for field in dataclasses.fields(holder):
+            array = getattr(holder, field.name)
+            if isinstance(array, np.ndarray):
+                before = digests(seen)
+                array.setflags(write=True)
+                array[-1, -1] = not array[-1, -1]
+                assert changed_part(before, seen).endswith(field.name)
+                array[-1, -1] = not array[-1, -1]
+                array.setflags(write=False)
+                assert changed_part(before, seen) == ""
 
 
 def test_reading_changes_nothing(observation):

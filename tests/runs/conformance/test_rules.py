@@ -19,6 +19,7 @@ FAULTS = {
     "CannotBeMade": ("made", "cannot be made with (): ValueError: no map of Mars"),
     "NoReset": ("made", "has no method reset"),
     "Sleeps": ("in-time", "20 m, decision 2: it took longer than the 5 s allowed"),
+    "RefusesAll": ("kinds", "it refuses all: it waits for worlds to come"),
     "Raises": ("chooses", "20 m, decision 3: it raised KeyError: 'no such frontier'"),
     "AnswersFloat": ("integer", "decision 0: it answered np.float64(1.0) of type float64"),
     "CountsFromOne": ("in-range", "decision 0: it answered 7 of 7 candidates"),
@@ -30,6 +31,7 @@ FAULTS = {
     "Unseeded": ("deterministic", "when it was asked again"),
     "Remembers": ("forgets", "after another trial"),
     "ChangesAnArray": ("unmodified", "it changed path_lengths"),
+    "ChangesTheFineMap": ("unmodified", "12 m by lidar: it changed belief.graph.fine.occupied"),
     "PeeksThroughTheStack": ("truth", "with another world behind the same observations"),
     "WorksInTheMainProcessOnly": ("worker", "failed there: AssertionError: not in the main process"),
 }
@@ -40,11 +42,13 @@ MORE_FAULTS = {
     "AnswersNone": ("integer", "it answered None of type NoneType"),
     "AnswersBool": ("integer", "of type bool"),
     "CountsBackwards": ("in-range", "it answered -1 of 7 candidates"),
+    "RefusesLate": ("chooses", "12 m by lidar, decision 2: it raised RequestError: it is tired of lidars"),
     "FailsLate": ("plays", "a trial of 20 m failed: RuntimeError: nearly done"),
     "UsesGlobalRandom": ("own-stream", "it used the global generator of random"),
     "GoesByHash": ("deterministic", "in another process, with another seed of hashes"),
     "KeepsItsFirstStream": ("forgets", "after another trial"),
     "ChangesTheBelief": ("unmodified", "it changed belief.known"),
+    "ChangesTheRoads": ("unmodified", "20 m: it changed roads.free"),
     "ChangesAField": ("unmodified", "it changed decision"),
     "PeeksThroughTheCollector": ("truth", "with another world behind the same observations"),
     "PeeksAtTheRollout": ("truth", "with another world behind the same observations"),
@@ -52,6 +56,24 @@ MORE_FAULTS = {
     "LearnsMapsByHeart": ("truth", "with another world behind the same observations"),
     "ChoosesOtherwiseInWorkers": ("worker", "a trial of 14 m, decision 0: 0, but"),
     "DiesInWorkers": ("worker", "its worker process died"),
+}
+BY_LIDAR = {
+    "Unseeded": ("deterministic", "12 m by lidar, decision"),
+    "PeeksThroughTheStack": ("truth", "a trial of 12 m by lidar, decision"),
+}
+MORE_BY_LIDAR = {
+    "Raises": ("chooses", "12 m by lidar, decision 3: it raised KeyError"),
+    "AnswersFloat": ("integer", "12 m by lidar, decision 0: it answered np.float64("),
+    "CountsFromOne": ("in-range", "12 m by lidar, decision 4: it answered 6 of 6 candidates"),
+    "UsesGlobalNumpy": ("own-stream", "12 m by lidar: it used the global generator of numpy.random"),
+    "Remembers": ("forgets", "12 m by lidar, decision"),
+    "ChangesAnArray": ("unmodified", "12 m by lidar: it changed path_lengths"),
+    "ChangesTheRoads": ("unmodified", "12 m by lidar: it changed roads.free"),
+    "PeeksThroughTheCollector": ("truth", "a trial of 12 m by lidar, decision"),
+    "PeeksAtTheRollout": ("truth", "a trial of 12 m by lidar, decision"),
+    "PeeksAtTheSpecification": ("truth", "a trial of 12 m by lidar, decision"),
+    "LearnsMapsByHeart": ("truth", "a trial of 12 m by lidar, decision"),
+    "ChoosesOtherwiseInWorkers": ("worker", "a trial of 12 m by lidar, decision 0: 0, but"),
 }
 IN_A_HURRY = ("Sleeps", "Hangs")
 
@@ -63,7 +85,7 @@ def broken(strategy, timeout=GENEROUS):
 
 def test_every_fault_is_tested():
     faulty = {name for name, one in vars(faulty_strategies).items() if inspect.isclass(one) and hasattr(one, "choose")}
-    assert faulty - {"Sound"} == FAULTS.keys() | MORE_FAULTS.keys()
+    assert faulty - {"Sound", "Refuses", "ByLidar"} == FAULTS.keys() | MORE_FAULTS.keys()
     assert {rule for rule, _ in (FAULTS | MORE_FAULTS).values()} == {rule.name for rule in RULES}
 
 
@@ -84,7 +106,42 @@ def test_so_are_further_ones(name):
     assert words in found[rule]
 
 
-@pytest.mark.parametrize("strategy", ["random", "nearest", f"{FILE}:Sound"])
+def found_by_lidar(name):
+    return broken(f"{FILE}:ByLidar[fault={name}]")
+
+
+@pytest.mark.parametrize("name", BY_LIDAR)
+def test_a_fault_that_shows_in_lidar_worlds_alone_is_caught_there(name):
+    rule, words = BY_LIDAR[name]
+    found = found_by_lidar(name)
+    assert found.keys() == {rule}
+    assert words in found[rule]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MORE_BY_LIDAR)
+def test_so_are_further_ones_there(name):
+    rule, words = MORE_BY_LIDAR[name]
+    found = found_by_lidar(name)
+    assert found.keys() == {rule}
+    assert words in found[rule]
+
+
+@pytest.mark.parametrize("kind", ["landmark", "lidar"])
+def test_a_kind_may_be_refused_and_the_rest_is_kept(kind):
+    found = {finding.rule: finding for finding in check(f"{FILE}:Refuses[kind={kind}]", GENEROUS)}
+    other = {"landmark": "lidar", "lidar": "landmark"}[kind]
+    sentence = f"it does not run in kind '{kind}'; leave it out"
+    assert found["kinds"].detail == f"it runs in {other}; it refuses {kind}: {sentence}"
+    situations = {"one-candidate", "many-candidates", "corners", "no-landmark"}
+    skipped = {rule for rule, finding in found.items() if finding.verdict is Verdict.SKIPPED}
+    assert skipped == (situations if kind == "landmark" else set())
+    assert {found[rule].verdict for rule in found.keys() - skipped} == {Verdict.OK}
+    assert ("by lidar" in found["plays"].detail) == (kind == "landmark")
+    assert ("a trial of 20 m" in found["plays"].detail) == (kind == "lidar")
+
+
+@pytest.mark.parametrize("strategy", ["nearest", f"{FILE}:Sound"])
 def test_a_sound_strategy_keeps_the_whole_contract(strategy):
     found = check(strategy, GENEROUS)
     assert [finding.rule for finding in found] == [rule.name for rule in RULES]
@@ -104,6 +161,7 @@ def test_a_reference_is_told_the_truth_and_keeps_the_rest():
     found = {finding.rule: finding for finding in check(name, GENEROUS)}
     assert found["truth"].verdict is Verdict.SKIPPED
     assert found["truth"].detail == "not applicable: a reference is told the truth"
+    assert found["kinds"].detail == "it runs in landmark; it refuses lidar: its entry names landmark"
     assert {finding.verdict for rule, finding in found.items() if rule != "truth"} == {Verdict.OK}
 
 

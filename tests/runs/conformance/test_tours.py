@@ -11,6 +11,7 @@ from explore_bench.robot.planning.candidates import Ground
 from explore_bench.runs.conformance.tours import (
     CORNERS,
     LARGE,
+    LIDAR,
     MANY_CANDIDATES,
     NO_LANDMARK,
     ONE_CANDIDATE,
@@ -20,9 +21,11 @@ from explore_bench.runs.conformance.tours import (
     TRIALS,
     observations,
 )
-from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.kinds import KINDS
 
 ALL = (*ORDINARY, *SITUATIONS)
+AMONG_LANDMARKS = [tour for tour in ALL if tour.kind == "landmark"]
+WORLD_TYPES = tuple(kind.load("world") for kind in KINDS.values())
 
 
 def name_of(tour):
@@ -40,7 +43,7 @@ def test_many_candidates_are_sixty_at_every_decision():
 def test_no_landmark_is_seen_where_there_is_none_and_one_from_the_first_decision_elsewhere():
     """A strategy that needs a landmark is to fail in one place only."""
     assert {len(seen.belief.landmarks) for seen in observations(NO_LANDMARK)} == {0}
-    for tour in ALL:
+    for tour in AMONG_LANDMARKS:
         if tour is not NO_LANDMARK:
             assert min(len(seen.belief.landmarks) for seen in observations(tour)) >= 1, tour.name
 
@@ -70,7 +73,21 @@ def test_own_trials_are_in_other_worlds_than_the_tours():
     assert not {tour.world().digest for tour in TRIALS} & {tour.world().digest for tour in ALL}
 
 
-@pytest.mark.parametrize("tour", ALL, ids=name_of)
+def test_every_kind_of_world_has_an_ordinary_one():
+    assert {tour.kind for tour in ORDINARY} == set(KINDS)
+    assert {tour.kind for tour in TRIALS} == set(KINDS)
+
+
+def test_a_lidar_shows_a_fine_map_and_no_landmark_and_leads_into_no_corner():
+    """Strategies with a fault of a situation are to fail there, and not in an ordinary world."""
+    assert len(observations(LIDAR)) == LIDAR.decisions
+    last = LIDAR.scenario.edge - 1
+    for seen in observations(LIDAR):
+        assert seen.belief.fine is not None and not len(seen.belief.landmarks)
+        assert {int(place // LIDAR.scenario.cell_size) for place in seen.pose[:2]} - {0, last}
+
+
+@pytest.mark.parametrize("tour", AMONG_LANDMARKS, ids=name_of)
 def test_every_path_is_the_shortest_over_known_free_cells(tour):
     for seen in observations(tour):
         n, belief = tour.scenario.grid.columns, seen.belief
@@ -87,7 +104,7 @@ def test_nothing_keeps_the_world_of_a_tour(tour):
     digest = tour.world().digest
     observations(tour)
     gc.collect()
-    assert digest not in [held.digest for held in gc.get_objects() if type(held) is LandmarkWorld]
+    assert digest not in [held.digest for held in gc.get_objects() if isinstance(held, WORLD_TYPES)]
 
 
 @pytest.mark.parametrize("tour", ALL, ids=name_of)
@@ -95,6 +112,9 @@ def test_arrays_are_read_only(tour):
     for seen in observations(tour):
         for array in (seen.candidates, seen.path_lengths, seen.positions, *seen.paths, seen.belief.occupancy):
             assert not array.flags.writeable
+        assert not seen.roads.free.flags.writeable
+        if seen.belief.fine is not None:
+            assert not seen.belief.fine.known.flags.writeable and not seen.belief.fine.occupied.flags.writeable
 
 
 def test_a_tour_with_choices_follows_them_to_their_end():

@@ -13,7 +13,9 @@ from explore_bench.geometry import between
 from explore_bench.robot.lidar import navigator
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.explorer import ChoiceError, explorer_of
-from explore_bench.trial.lidar.explorer import CLOSURE_DISTANCE, LidarExplorer
+from explore_bench.trial.lidar.explorer import LidarExplorer
+from explore_bench.trial.lidar.loops import CLOSURE_DISTANCE
+from explore_bench.trial.lidar.ride import SAFE_DISTANCE
 from explore_bench.trial.lidar.step import LidarStep
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step, step_columns
@@ -144,6 +146,38 @@ def test_the_dynamic_window_drives_as_well():
     assert rows[-1].collisions == 0
 
 
+# What is summed up along the way
+
+
+def test_drives_in_vain_are_counted_in_the_rows_after_them(monkeypatch):
+    """As often as a frontier is noted to be left unresolved; the drive that ends the trial is in no row."""
+    noted, note = [], navigator.Navigator.note_in_vain
+    monkeypatch.setattr(
+        navigator.Navigator, "note_in_vain", lambda self, frontier: (noted.append(frontier), note(self, frontier))[1]
+    )
+    rows, _, _ = play(TEN, nearest, 1)
+    assert len(noted) > 0
+    assert rows[-1].in_vain in (len(noted), len(noted) - 1)
+    assert rows[0].in_vain == 0
+    changes = {(b.decisions - a.decisions, b.in_vain - a.in_vain) for a, b in itertools.pairwise(rows)}
+    assert changes <= {(0, 0), (1, 0), (1, 1)}, "only where the next drive begins"
+
+
+def test_what_is_summed_up_never_falls_and_clearance_never_rises(trials):
+    for rows, _, _ in trials:
+        for one, other in itertools.pairwise(rows):
+            assert other.clearance <= one.clearance
+            assert other.unsafe_seconds - one.unsafe_seconds <= other.seconds - one.seconds + 1e-9
+            assert other.unsafe_seconds >= one.unsafe_seconds
+            assert other.speed_change >= one.speed_change
+            assert other.missed_closures >= one.missed_closures
+        last = rows[-1]
+        assert (last.unsafe_seconds > 0.0) <= (last.clearance < SAFE_DISTANCE)
+        assert last.clearance > 0.0
+        assert last.speed_change >= 2 * TEN.max_speed, "it started and stopped"
+        assert last.speed_change <= TEN.acceleration * last.seconds
+
+
 # How it ends
 
 
@@ -266,7 +300,10 @@ def test_closures_are_compared_with_the_truth():
     rows = list(explorer.drive(int(observation.path_lengths.argmax())))
     assert rows[-1].closures == rows[-1].false_closures == 0
     slam, last = explorer.mapper.slam, len(explorer.mapper.slam.poses) - 1
-    x, y, heading = between(explorer._true_keys[0], explorer._true_keys[last])
+    start, end = explorer_in(cluttered(10.0, 8, 2, [(1.0, 1.0)])).row(), rows[-1]
+    x, y, heading = between(
+        (start.true_x, start.true_y, start.true_heading), (end.true_x, end.true_y, end.true_heading)
+    )
     link = slam.links[-1]
     for off, false in ((0.01, 0), (CLOSURE_DISTANCE + 0.05, 1), (0.0, 1)):
         slam.closures.append(link._replace(earlier=0, later=last, motion=(x + off, y, heading)))
@@ -362,7 +399,7 @@ def test_an_observation_leads_to_no_truth():
             continue
         seen.add(id(item))
         assert item is not explorer._vehicle
-        assert item is not explorer._truth
+        assert not any(item is own for own in (explorer._truth, explorer._loops, explorer._ride))
         if isinstance(item, np.ndarray):
             assert item.size == 0 or not item.flags.writeable
             queue.append(item.base)
@@ -378,7 +415,10 @@ def test_the_row_of_a_step_is_the_kind_s():
     assert isinstance(row, Step)
     columns = step_columns("lidar")
     assert list(columns) == [field.name for field in dataclasses.fields(LidarStep)]
-    assert list(columns)[-3:] == ["seconds", "closures", "false_closures"]
+    assert list(columns)[-8:] == [
+        *("seconds", "closures", "false_closures", "missed_closures"),
+        *("in_vain", "clearance", "unsafe_seconds", "speed_change"),
+    ]
     for name, column in columns.items():
         kind = float if column.dtype.startswith("float") else int
         assert type(getattr(row, name)) is kind, name

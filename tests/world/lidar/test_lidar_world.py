@@ -45,7 +45,7 @@ def drawn_by_hand(monkeypatch, *obstacles, **changes):
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_place_where_the_robot_fits_is_reached(scene):
     scenario = LidarScenario(scene=scene)
-    for trial in range(40):
+    for trial in range(15):
         world = world_of(trial, scene=scene)
         reached = reached_from(world, scenario.passage)
         away = ndimage.distance_transform_edt(~reached) * scenario.resolution

@@ -1,0 +1,1 @@
+"""The lidar kind of world."""
