@@ -1,4 +1,4 @@
-"""The four claims of Zhang et al. 2021 (§1, §4.2) as comparisons."""
+"""The four claims of Zhang et al. 2021 (§1, §4.2) as comparisons, and what its §4.2 leaves to be asked of a lidar."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ _ABLATIONS = (
     *("no-state", "no-temporal", "no-spatial"),
     *("no-temporal-state", "no-spatial-state", "no-spatial-temporal"),
 )
+
+_LIDAR_WORLDS = {
+    "range 10 m": "lidar worlds full of obstacles, with a range of 10 m,",
+    "range 5 m": "lidar worlds full of obstacles, with a range of 5 m,",
+    "office": "offices",
+    "rooms": "suites of rooms",
+    "maze": "mazes",
+    "hall": "halls",
+}
+"""Scenarios of the suites `stage` and `plans`, in words."""
 
 CLAIMS = (
     Claim(
@@ -31,5 +41,17 @@ CLAIMS = (
         "iv",
         "It converges faster and earns more reward in training than the graph networks without its encoders.",
         comparisons("graph-stnn", ("gcn-obs", "gcn-no-obs"), ("early_reward", "final_reward")),
+    ),
+    *(
+        Claim(
+            f"{which}, {where}",
+            f"What {whom} learned among landmarks explores {what} after less driving and sooner than the nearest "
+            "frontier and than entropy.",
+            comparisons(strategy, ("nearest", "entropy"), ("l90", "t90_seconds"), (20.0,)),
+            architecture=False,
+            scenario=where,
+        )
+        for which, strategy, whom in (("v", "graph-stnn", "Graph-STNN"), ("vi", "graph-stnn-plus", "Graph-STNN+"))
+        for where, what in _LIDAR_WORLDS.items()
     ),
 )

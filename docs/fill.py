@@ -36,6 +36,11 @@ ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
 WEIGHTS = ROOT / "baselines" / "weights"
 PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
+STAGE_COLUMNS = (
+    *("Method", "scenario", "n", "not explored", "T90 [s]", "T98 [s]", "L90 [m]", "L [m]", "D", "in vain"),
+    *("e [m]", "ATE [m]", "NEES", "wall F1, 1 cell", "closures, true", "closures, false", "closures, missed", "C"),
+)
+"""Columns of results/stage and results/plans that docs/stage.md shows."""
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
 OURS = "graph-stnn-plus"
@@ -124,6 +129,32 @@ def beam_sweep() -> str:
 def stage_choices() -> str:
     """What the choices behind the lidar worlds do."""
     return _markdown(pd.read_csv(STUDIES / "stage-choices.csv"))
+
+
+def stage_view() -> str:
+    """What it is worth to know what walls hide."""
+    return _markdown(pd.read_csv(STUDIES / "stage-view.csv"))
+
+
+def stage_results() -> str:
+    """The table of the suites of lidar worlds, as `explore-bench report` wrote it, its most telling columns."""
+    frames = [pd.read_csv(ROOT / "results" / suite / "tables" / "stage.csv") for suite in ("stage", "plans")]
+    return _markdown(pd.concat(frames)[list(STAGE_COLUMNS)].fillna("–"))
+
+
+def stage_transfer() -> str:
+    """What the comparisons of learned strategies in lidar worlds found, one sentence each."""
+    claims = [
+        claim
+        for suite in ("stage", "plans")
+        for claim in json.loads((ROOT / "results" / suite / "claims.json").read_text(encoding="utf-8"))
+    ]
+    lines = []
+    for claim in claims:
+        lines.append(f"**{claim['claim']}**: {claim['verdict']}.\n")
+        lines += [f"- {comparison['sentence']}" for comparison in claim["comparisons"]]
+        lines.append("")
+    return "\n".join(lines)
 
 
 def stage_slam() -> str:
@@ -374,6 +405,9 @@ PARTS: dict[str, Callable[[], str]] = {
     "beam-sweep": beam_sweep,
     "stage-choices": stage_choices,
     "stage-slam": stage_slam,
+    "stage-view": stage_view,
+    "stage-results": stage_results,
+    "stage-transfer": stage_transfer,
     "map-order": map_order,
     "columns": columns,
     "lidar-columns": lidar_columns,

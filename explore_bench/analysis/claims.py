@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.csv_files import plain
-from explore_bench.analysis.metrics import METRICS, Metric
+from explore_bench.analysis.metrics import Metric, all_metrics
 from explore_bench.analysis.statistics import (
     Estimate,
     effect_size,
@@ -56,7 +56,7 @@ class Comparison:
     Attributes
     ----------
     better, worse : names of the strategies.
-    metric : of METRICS, at `size` [m]; or of TRAINING_METRICS, with `size` None.
+    metric : of `all_metrics`, at `size` [m]; or of TRAINING_METRICS, with `size` None.
     """
 
     better: str
@@ -130,7 +130,7 @@ def metric_of(comparison: Comparison) -> Metric:
     ------
     RequestError : where it names none.
     """
-    known = METRICS if comparison.size is not None else TRAINING_METRICS
+    known = all_metrics() if comparison.size is not None else TRAINING_METRICS
     if comparison.metric not in known or known[comparison.metric].better is None:
         raise RequestError(
             f"a claim compares '{comparison.better}' and '{comparison.worse}' in '{comparison.metric}'; name a metric "
@@ -168,13 +168,14 @@ def _loaded(point: EntryPoint) -> tuple[Claim, ...]:
 
 
 def claims_about(trials: pd.DataFrame) -> tuple[Claim, ...]:
-    """Claims about the scenario of the rows of `trials.csv`."""
-    return tuple(claim for claim in claims() if set(trials["scenario"]) <= {claim.scenario})
+    """Claims about the scenarios of the rows of `trials.csv`."""
+    return tuple(claim for claim in claims() if claim.scenario in set(trials["scenario"]))
 
 
 def examine(claim: Claim, trials: pd.DataFrame) -> list[Finding]:
     """Compare what a claim compares, from the rows of `trials.csv` and the training curves beside the weights."""
-    found = [_measure(comparison, trials) for comparison in claim.comparisons]
+    own = trials[trials["scenario"] == claim.scenario]
+    found = [_measure(comparison, own) for comparison in claim.comparisons]
     adjusted = holm([finding.p for finding in found])
     return [_judged(finding, float(p), claim.architecture) for finding, p in zip(found, adjusted, strict=True)]
 
@@ -194,6 +195,8 @@ def _measure(comparison: Comparison, trials: pd.DataFrame) -> Finding:
     sign = 1.0 if metric_of(comparison).better == "higher" else -1.0
     if comparison.size is None:
         return _of_training(comparison, sign)
+    if comparison.metric not in trials:  # of another kind of world
+        return _nothing(comparison)
     here = trials[trials["size"] == comparison.size]
     own = [here[here["strategy"] == name] for name in (comparison.better, comparison.worse)]
     values = [by_world(cell, comparison.metric) for cell in own]

@@ -16,7 +16,7 @@ import numpy as np
 from explore_bench.trial import scores
 from explore_bench.trial.scores import Score
 from explore_bench.trial.spec import Status
-from explore_bench.world.kinds import kind_of
+from explore_bench.world.kinds import KINDS, kind_of
 
 if TYPE_CHECKING:
     from explore_bench.records.encoding import TrialRecord
@@ -181,6 +181,11 @@ def regret(record: TrialRecord, reference: TrialRecord | None) -> float:
     if reference is None or not score(reference).time:
         return math.nan
     return score(record).time / score(reference).time - 1.0
+
+
+def all_metrics() -> dict[str, Metric]:
+    """Metrics of trials in every kind of world, by name."""
+    return METRICS | {name: metric for kind in KINDS for name, metric in metrics_of(kind).items()}
 
 
 CURVES: dict[str, tuple[str, str]] = {

@@ -40,19 +40,23 @@ def player_data(
     `table` holds the rows of `trials.csv`, whose scores stand beside a replay.
     """
     numbers = {name: i for i, name in enumerate(names)}
-    values = table.set_index(["strategy", "size", "trial", "training_seed"])
+    values = table.set_index(["strategy", "scenario", "size", "trial", "training_seed"])
+    places = list(dict.fromkeys((record.spec.scenario_name, record.spec.scenario.size) for record in records))
+    places.sort(key=lambda place: place[1])
+    several = len({scenario for scenario, _ in places}) > 1
     trials = []
     for choice in choose_trials(records):
         spec, data = choice.record.spec, packed(store, choice.record)
         if not data:
             continue
         seed = pd.NA if spec.training_seed is None else spec.training_seed
-        row = values.loc[(spec.strategy, spec.scenario.size, spec.trial, seed)]
+        place = spec.scenario_name, spec.scenario.size
+        row = values.loc[(spec.strategy, *place, spec.trial, seed)]
         e, eta = float(row["trajectory_error"]), float(row["exploration_efficiency"])
         trials.append(
             {
                 "strategy": numbers[spec.strategy],
-                "size": spec.scenario.size,
+                "map": places.index(place),
                 "world": spec.trial,
                 "roles": choice.roles,
                 "status": choice.record.status.replace("_", " "),
@@ -64,7 +68,8 @@ def player_data(
         )
     shown = [{"label": shown_name(name), "color": entry_of(name).color} for name in names]
     coverage = records[0].spec.scenario.coverage
-    return {"strategies": shown, "trials": trials, "colors": COLORS, "coverage": coverage}
+    maps = [f"{size:g} m × {size:g} m" + (f", {scenario}" if several else "") for scenario, size in places]
+    return {"strategies": shown, "maps": maps, "trials": trials, "colors": COLORS, "coverage": coverage}
 
 
 def player_legend(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:

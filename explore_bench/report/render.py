@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
+from explore_bench.analysis.claims import Claim, Finding
 from explore_bench.analysis.tables import summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.aggregates import aggregate_tables, write_survival_figures
 from explore_bench.report.agreement import agreement_tables
-from explore_bench.report.drawing import showing
+from explore_bench.report.drawing import save_all, showing, styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.pages.claims import claims_section, examined, overview, write_claims
 from explore_bench.report.pages.maps import write_map_report
-from explore_bench.report.pages.sensitivity import UNCHANGED, write_sensitivity
+from explore_bench.report.pages.sensitivity import write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
 from explore_bench.report.tables import Table, kind_tables, report_tables, write_tables
+from explore_bench.world.kinds import kind_of
 
 
 @dataclass(frozen=True)
@@ -35,9 +38,9 @@ class Report:
 def write_report(folder: Path) -> Report:
     """Write everything that follows from the records of a results folder.
 
-    A folder of one set of physical constants gets trials.csv, summary.csv, tables, figures, claims and the page; one
-    of several gets trials.csv and how the strategies degrade, or how they do in each of several given maps. Worlds of a
-    kind that has more to say of its trials get worlds.csv and tables of their own, in either case.
+    A folder of one set of physical constants gets trials.csv, summary.csv, tables, figures, claims and the page. One of
+    several gets trials.csv and how the strategies degrade, or how they do in each of several given maps; or the tables,
+    figures, claims and the page of a kind of world that has more to say of its trials, which gets worlds.csv, too.
 
     Raises
     ------
@@ -53,13 +56,14 @@ def write_report(folder: Path) -> Report:
         files = [_write_csv(trials, folder / "trials.csv")]
         worlds, own = world_table(records), kind_tables(records, trials)
         files += [_write_csv(worlds, folder / "worlds.csv")] if len(worlds) else []
+        drawn = _write_kind_figures(records, trials, folder / "figures")
         if trials["scenario"].nunique() == 1:
-            return Report((*files, *_write_all(store, records, trials, own, stale, folder)), len(records), stale)
-        # a mean over different physics would mean nothing
-        files += write_tables(own, folder / "tables")
-        if all(record.spec.scenario.map for record in records):
-            files += write_map_report(trials, records, folder)
-        elif UNCHANGED in set(trials["scenario"]) or not own:
+            files += _write_all(store, records, trials, own, drawn, stale, folder)
+        elif all(record.spec.scenario.map for record in records):  # a mean over different physics would mean nothing
+            files += write_tables(own, folder / "tables") + drawn + write_map_report(trials, records, folder)
+        elif own:
+            files += _write_kind(store, records, trials, own, drawn, stale, folder)
+        else:
             files += write_sensitivity(trials, folder)
     return Report(tuple(files), len(records), stale)
 
@@ -69,22 +73,66 @@ def _write_all(
     records: list[TrialRecord],
     trials: pd.DataFrame,
     own: dict[str, Table],
+    drawn: list[Path],
     stale: int,
     folder: Path,
 ) -> list[Path]:
-    """Write what a folder with one set of physical constants gets beside trials.csv; `own` are its kind's tables."""
+    """Write what a folder with one set of physical constants gets beside trials.csv.
+
+    `own` and `drawn` are the tables and the figures of its kind of world.
+    """
     summary, found = summary_table(trials), examined(trials)
-    files = [_write_csv(summary, folder / "summary.csv"), *write_claims(found, folder)]
+    files = [_write_csv(summary, folder / "summary.csv"), *write_claims(found, folder), *drawn]
     tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
     files += write_tables(({"claims": overview(found)} if found else {}) | tables, folder / "tables")
     files += write_figures(store, records, folder / "figures")
     files += write_survival_figures(trials, folder / "figures")
     files += write_training_figures(folder / "figures")
+    return [*files, _write_page(store, records, trials, tables, found, files, stale, folder)]
+
+
+def _write_kind(
+    store: Store,
+    records: list[TrialRecord],
+    trials: pd.DataFrame,
+    own: dict[str, Table],
+    drawn: list[Path],
+    stale: int,
+    folder: Path,
+) -> list[Path]:
+    """Write what a folder with several sets of physical constants gets where a kind of world has tables of its own."""
+    found = examined(trials)
+    files = write_claims(found, folder) + drawn
+    files += write_tables(({"claims": overview(found)} if found else {}) | own, folder / "tables")
+    files += write_figures(store, records, folder / "figures")
+    return [*files, _write_page(store, records, trials, own, found, files, stale, folder)]
+
+
+def _write_kind_figures(records: list[TrialRecord], trials: pd.DataFrame, folder: Path) -> list[Path]:
+    """Draw the figures of their own of the kinds of world that some trials are of."""
+    written: list[Path] = []
+    with styled():
+        for kind in dict.fromkeys(record.spec.scenario.kind for record in records):
+            draw = kind_of(kind).load("figures")
+            for name, figure in (draw(trials) if draw is not None else {}).items():
+                written += save_all(figure, folder / name)
+    return written
+
+
+def _write_page(
+    store: Store,
+    records: list[TrialRecord],
+    trials: pd.DataFrame,
+    tables: Mapping[str, Table],
+    found: dict[Claim, list[Finding]],
+    files: list[Path],
+    stale: int,
+    folder: Path,
+) -> Path:
     drawn = [file for file in files if file.suffix == ".svg"]
-    page = Content(
-        store, records, trials, tuple(tables.values()), drawn, (claims_section(found),) if found else (), stale
-    )
-    return [*files, write_page(page, folder / "report.html")]
+    sections = (claims_section(found),) if found else ()
+    page = Content(store, records, trials, tuple(tables.values()), drawn, sections, stale)
+    return write_page(page, folder / "report.html")
 
 
 def _write_csv(table: pd.DataFrame, path: Path) -> Path:

@@ -36,15 +36,16 @@ class Choice:
 
 
 def choose_trials(records: Sequence[TrialRecord]) -> list[Choice]:
-    """Trials to replay of every strategy and size: the common example and the best, median and worst by η.
+    """Trials to replay of every strategy, scenario and size: the common example and the best, median and worst by η.
 
     Of several training seeds the first counts; a trial without any step cannot be replayed. The median of an even
     number is the worse of the two in the middle; of equals the lower world comes first.
     """
-    cells: dict[tuple[str, float], list[TrialRecord]] = {}
+    cells: dict[tuple[str, str, float], list[TrialRecord]] = {}
     for record in records:
         if len(record.steps["step"]):
-            cells.setdefault((record.spec.strategy, record.spec.scenario.size), []).append(record)
+            spec = record.spec
+            cells.setdefault((spec.strategy, spec.scenario_name, spec.scenario.size), []).append(record)
     return [choice for own in cells.values() for choice in _of_cell(own)]
 
 

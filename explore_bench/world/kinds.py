@@ -36,7 +36,8 @@ class Kind:
     explorer : its Explorer, the robot in that world.
     metrics : its metrics beside the common ones, a mapping of names to Metrics.
     facts : what the world of a trial is like, a function of its record that gives plain values by name.
-    tables : what a report shows of its trials, a function of the rows of trials.csv that gives Tables by name.
+    tables, figures : what a report shows of its trials, functions of the rows of trials.csv that give Tables, and
+        matplotlib Figures, by name.
     """
 
     scenario: str
@@ -46,6 +47,7 @@ class Kind:
     metrics: str = ""
     facts: str = ""
     tables: str = ""
+    figures: str = ""
 
     @property
     def simulated(self) -> tuple[str, ...]:
@@ -75,6 +77,7 @@ KINDS: dict[str, Kind] = {
         metrics="explore_bench.analysis.lidar.metrics:METRICS",
         facts="explore_bench.analysis.lidar.facts:facts",
         tables="explore_bench.report.lidar.tables:tables",
+        figures="explore_bench.report.lidar.figures:figures",
     ),
 }
 

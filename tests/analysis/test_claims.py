@@ -26,16 +26,24 @@ from explore_bench.analysis.claims import (
 )
 from explore_bench.analysis.statistics import effect_size, holm, mean_interval, sign_flip_p
 from explore_bench.errors import RequestError
+from explore_bench.runs.suites import SUITES
 from explore_bench.strategies.registry import strategies
 
 NOISE = np.random.default_rng(3).normal(0.0, 0.1, 50)
 
 
-def rows(strategy, values, seeds=(None,), size=20.0, metric="trajectory_error"):
+def rows(strategy, values, seeds=(None,), size=20.0, metric="trajectory_error", scenario="paper"):
     """Rows of `trials.csv` with one value a world, the same for every training seed."""
     return pd.DataFrame(
         [
-            {"strategy": strategy, "training_seed": seed, "size": size, "trial": trial, metric: value}
+            {
+                "strategy": strategy,
+                "training_seed": seed,
+                "size": size,
+                "trial": trial,
+                "scenario": scenario,
+                metric: value,
+            }
             for seed in seeds
             for trial, value in enumerate(values)
         ]
@@ -161,7 +169,7 @@ def test_a_metric_without_a_direction_or_of_the_other_kind_is_refused(metric):
 
 def test_the_paper_has_four_claims_about_registered_strategies_and_no_reference():
     known, numbered = strategies(), claims()
-    assert [claim.name for claim in numbered] == ["i", "ii", "iii", "iv"]
+    assert [claim.name for claim in numbered if claim.scenario == "paper"] == ["i", "ii", "iii", "iv"]
     for claim in numbered:
         assert claim.comparisons
         for comparison in claim.comparisons:
@@ -169,7 +177,25 @@ def test_the_paper_has_four_claims_about_registered_strategies_and_no_reference(
             assert not known[comparison.better].reference
             assert not known[comparison.worse].reference
     assert {c.size for c in numbered[2].comparisons} == {30.0, 40.0}
-    assert [claim.architecture for claim in numbered] == [True, True, False, True]
+    assert [claim.architecture for claim in numbered[:4]] == [True, True, False, True]
+    named = {name for suite in ("stage", "plans") for name in SUITES[suite].variations}
+    assert {claim.scenario for claim in numbered[4:]} == named, "the others are asked of every set of lidar worlds"
+
+
+def test_a_claim_is_about_the_trials_of_its_scenario_among_others():
+    asked = Claim("x", "a beats b.", (Comparison("a", "b", "l90", 20.0),), scenario="range 5 m")
+    own = {"metric": "l90", "scenario": "range 5 m"}
+    frames = [rows("a", 1.0 + NOISE, **own), rows("b", 2.0 + NOISE, **own)]
+    others = [rows(name, 9.0 - NOISE, metric="l90", scenario="range 10 m") for name in ("a", "b")]
+    [finding] = found(*frames, *others, claim=asked)
+    assert (finding.verdict, finding.n) == (SUPPORTED, 50)
+    assert finding == found(*frames, claim=asked)[0]
+    assert found(*others, claim=asked)[0].verdict == NOT_MEASURED
+
+
+def test_a_metric_of_another_kind_of_world_is_not_measured():
+    asked = Claim("x", "a beats b.", (Comparison("a", "b", "l90", 20.0),))
+    assert found(rows("a", NOISE), rows("b", 1 + NOISE), claim=asked)[0].verdict == NOT_MEASURED
 
 
 @pytest.fixture

@@ -254,8 +254,8 @@ def test_two_strategies_side_by_side_on_the_worlds_that_both_have(page):
     page.execute_script("document.getElementById('next').click()")
     assert step(page) > 0
     assert pixels(page, 0) != pixels(page, 1)
-    choose(page, "pick-size", "30 m")
-    assert "30 m" in page.execute_script("return document.getElementById('pick-size').selectedOptions[0].text")
+    choose(page, "pick-map", "30 m")
+    assert "30 m" in page.execute_script("return document.getElementById('pick-map').selectedOptions[0].text")
     assert step(page) == 0
 
 

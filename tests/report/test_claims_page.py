@@ -75,7 +75,7 @@ def test_what_was_not_measured_is_said(trials):
 
 def test_all_claims_are_written_with_a_verdict_each_and_the_same_bytes_twice(trials, tmp_path):
     found = examined(trials)
-    assert [row[0] for row in overview(found).rows] == [claim.name for claim in claims()]
+    assert [row[0] for row in overview(found).rows] == [claim.name for claim in claims() if claim.scenario == "paper"]
     first = [path.read_bytes() for path in write_claims(found, tmp_path)]
     second = [path.read_bytes() for path in write_claims(examined(trials), tmp_path)]
     assert first == second

@@ -29,7 +29,7 @@ LOOPING = SMALL.replace(size=12.0, sensor_range=3.0)
 @pytest.fixture(scope="module")
 def lidar(tmp_path_factory):
     """Return a folder of one trial whose robot closes loops."""
-    spec = plan("smoke", ["nearest"], [LOOPING.size], 1, scenario=LOOPING, purpose="calibrate").specs[0]
+    spec = plan("smoke", ["nearest"], [LOOPING.size], 2, scenario=LOOPING, purpose="calibrate").specs[1]
     store = Store(tmp_path_factory.mktemp("player") / "results")
     store.open(spec.root, spec.purpose, LOOPING)
     store.write(run_trial(spec))

@@ -36,7 +36,7 @@
 
   // Replays: the format is that of explore_bench/report/packing.py and fine_replays.py.
 
-  const { strategies, trials, colors, coverage } = JSON.parse($("replays").textContent);
+  const { strategies, maps, trials, colors, coverage } = JSON.parse($("replays").textContent);
   const opened = new Map();
 
   async function open(trial) {
@@ -399,12 +399,12 @@
 
   // Picking a trial, or two on one world.
 
-  const pick = { size: $("pick-size"), a: $("pick-a"), b: $("pick-b"), world: $("pick-world") };
+  const pick = { map: $("pick-map"), a: $("pick-a"), b: $("pick-b"), world: $("pick-world") };
   const stages = [...document.querySelectorAll(".stage")], curves = [...document.querySelectorAll(".curve")];
   const words = { example: "common example", best: "best η", median: "median η", worst: "worst η" };
   const state = { shown: [], step: 0, last: 0, playing: false, request: 0, clock: 0 };
   const unique = (values) => [...new Set(values)];
-  const find = (strategy, size, world) => trials.find((one) => one.strategy === strategy && one.size === size && one.world === world);
+  const find = (strategy, map, world) => trials.find((one) => one.strategy === strategy && one.map === map && one.world === world);
 
   function fill(select, options, wanted) {
     select.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
@@ -417,16 +417,16 @@
   }
 
   function offer() {
-    const size = Number(pick.size.value);
-    const here = unique(trials.filter((one) => one.size === size).map((one) => one.strategy)).sort((a, b) => a - b);
+    const map = Number(pick.map.value);
+    const here = unique(trials.filter((one) => one.map === map).map((one) => one.strategy)).sort((a, b) => a - b);
     fill(pick.a, here.map((one) => [one, strategies[one].label]), pick.a.value);
     const a = Number(pick.a.value);
-    const common = (b) => trials.some((one) => one.strategy === b && one.size === size && find(a, size, one.world));
+    const common = (b) => trials.some((one) => one.strategy === b && one.map === map && find(a, map, one.world));
     fill(pick.b, [["", "nothing"], ...here.filter((one) => one !== a && common(one)).map((one) => [one, strategies[one].label])], pick.b.value);
     const b = pick.b.value === "" ? null : Number(pick.b.value);
-    const worlds = trials.filter((one) => one.strategy === a && one.size === size && (b === null || find(b, size, one.world)));
+    const worlds = trials.filter((one) => one.strategy === a && one.map === map && (b === null || find(b, map, one.world)));
     fill(pick.world, worlds.map((one) => {
-      const parts = [one.roles.includes("example") ? words.example : "", roles(one, b === null), b === null ? "" : roles(find(b, size, one.world), false)];
+      const parts = [one.roles.includes("example") ? words.example : "", roles(one, b === null), b === null ? "" : roles(find(b, map, one.world), false)];
       return [one.world, `World ${one.world} – ${parts.filter(Boolean).join(b === null ? ", " : "; ")}`];
     }), pick.world.value);
   }
@@ -434,8 +434,8 @@
   async function load() {
     offer();
     pause();
-    const request = ++state.request, size = Number(pick.size.value), world = Number(pick.world.value);
-    const picked = [pick.a.value, pick.b.value].filter((value) => value !== "").map((value) => find(Number(value), size, world));
+    const request = ++state.request, map = Number(pick.map.value), world = Number(pick.world.value);
+    const picked = [pick.a.value, pick.b.value].filter((value) => value !== "").map((value) => find(Number(value), map, world));
     try {
       const replays = await Promise.all(picked.map(open));
       if (request !== state.request) return; // another was picked meanwhile
@@ -538,6 +538,6 @@
   let waiting = 0;
   new ResizeObserver(() => { cancelAnimationFrame(waiting); waiting = requestAnimationFrame(() => show(state.step)); }).observe($("replay"));
 
-  fill(pick.size, unique(trials.map((one) => one.size)).sort((a, b) => a - b).map((size) => [size, `${size} m × ${size} m`]), "");
+  fill(pick.map, maps.map((label, i) => [i, label]), "");
   load();
 })();

@@ -160,5 +160,7 @@ def sentence(finding: Finding) -> str:
 
 def _named(asked: Comparison) -> str:
     """Metric in words, with its symbol where that says more."""
-    words = asked.metric.replace("_", " ")
-    return words if asked.size is None else f"{words} {metric_of(asked).symbol}"
+    words, symbol = asked.metric.replace("_", " "), metric_of(asked).symbol
+    if asked.size is None:
+        return words
+    return symbol if words.split()[0] == symbol.lower() else f"{words} {symbol}"

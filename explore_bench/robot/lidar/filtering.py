@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
+from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose
 
 
@@ -28,24 +30,17 @@ class TailFilter:
 
     def advance(self, motion: Pose, covariance: Array) -> None:
         """Add a pose that odometry leads to from the newest; covariance in the frame of the new one."""
-        carry = adjoint_of_inverse(motion)
         size = len(self.joint)
         joint = np.empty((size + 3, size + 3))
         joint[:size, :size] = self.joint
-        joint[size:, :size] = carry @ self.joint[size - 3 :]
-        joint[:size, size:] = joint[size:, :size].T
-        joint[size:, size:] = carry @ self.joint[size - 3 :, size - 3 :] @ carry.T + covariance
+        _advance(joint, size, motion, covariance)
         self.joint = joint
         self.numbers.append(self.numbers[-1] + 1)
 
     def measure(self, earlier: int, motion: Pose, covariance: Array) -> None:
         """Take in where the newest pose is, seen from an earlier one of those that are kept."""
-        place = slice(3 * self.numbers.index(earlier), 3 * self.numbers.index(earlier) + 3)
-        carry = adjoint_of_inverse(motion)
-        spread = self.joint[:, -3:] - self.joint[:, place] @ carry.T
-        surprise = spread[-3:] - carry @ spread[place] + covariance
-        whitened = np.linalg.solve(np.linalg.cholesky(surprise), spread.T)
-        self.joint = self.joint - whitened.T @ whitened  # symmetric to the last digit: what is not, grows
+        self.joint = self.joint.copy()
+        _measure(self.joint, len(self.joint), 3 * self.numbers.index(earlier), motion, covariance)
 
     def keep(self, numbers: list[int]) -> None:
         """Forget all but these poses and the newest."""
@@ -58,6 +53,81 @@ class TailFilter:
         return rotated(self.joint[-3:, -3:], heading)
 
 
+@jit
+def smoothed(joint: Array, ends: NDArray[np.int64], motions: Array, covariances: Array) -> Array:
+    """Joint covariance of poses and of those that follow the last of them, after all links, shape (3(K + M), 3(K + M)).
+
+    Parameters
+    ----------
+    joint : of K poses before, shape (3K, 3K).
+    ends : places of the earlier and the later pose of each link among all, shape (L, 2); links come by their later
+        pose, and the first of each leads there from the pose before it.
+    motions, covariances : of the links, shapes (L, 3) and (L, 3, 3).
+    """
+    size = joint.shape[0]
+    total = 3 * (ends[-1, 1] + 1)
+    result = np.empty((total, total))
+    result[:size, :size] = joint
+    for k in range(ends.shape[0]):
+        motion = (motions[k, 0], motions[k, 1], motions[k, 2])
+        if 3 * ends[k, 1] == size:
+            _advance(result, size, motion, covariances[k])
+            size += 3
+        else:
+            _measure(result, size, 3 * ends[k, 0], motion, covariances[k])
+    return result
+
+
+@jit
+def _advance(joint: Array, size: int, motion: Pose, covariance: Array) -> None:
+    """Fill the rows and columns of the pose after the newest, of which the first `size` hold the poses so far."""
+    carry = adjoint_of_inverse(motion)
+    for j in range(size):
+        for i in range(3):
+            total = 0.0
+            for k in range(3):
+                total += carry[i, k] * joint[size - 3 + k, j]
+            joint[size + i, j] = joint[j, size + i] = total
+    for i in range(3):
+        for j in range(i, 3):
+            total = covariance[i, j]
+            for k in range(3):
+                total += joint[size + i, size - 3 + k] * carry[j, k]
+            joint[size + i, size + j] = joint[size + j, size + i] = total
+
+
+@jit
+def _measure(joint: Array, size: int, place: int, motion: Pose, covariance: Array) -> None:
+    """Condition the first `size` rows and columns on the newest pose as seen from the one whose rows begin at `place`.
+
+    With S = L Lᵀ what is taken off is W Wᵀ, W = spread L⁻ᵀ: symmetric to the last digit, since what is not, grows.
+    """
+    carry = adjoint_of_inverse(motion)
+    spread = np.empty((size, 3))
+    for i in range(size):
+        for j in range(3):
+            spread[i, j] = joint[i, size - 3 + j]
+            for k in range(3):
+                spread[i, j] -= joint[i, place + k] * carry[j, k]
+    surprise = covariance.copy()
+    for i in range(3):
+        for j in range(3):
+            surprise[i, j] += spread[size - 3 + i, j]
+            for k in range(3):
+                surprise[i, j] -= carry[i, k] * spread[place + k, j]
+    root = np.linalg.cholesky(surprise)
+    for i in range(size):
+        spread[i, 0] /= root[0, 0]
+        spread[i, 1] = (spread[i, 1] - root[1, 0] * spread[i, 0]) / root[1, 1]
+        spread[i, 2] = (spread[i, 2] - root[2, 0] * spread[i, 0] - root[2, 1] * spread[i, 1]) / root[2, 2]
+    for i in range(size):
+        for j in range(i + 1):
+            off = spread[i, 0] * spread[j, 0] + spread[i, 1] * spread[j, 1] + spread[i, 2] * spread[j, 2]
+            joint[i, j] -= off
+            joint[j, i] = joint[i, j]
+
+
+@jit
 def adjoint_of_inverse(motion: Pose) -> Array:
     """Matrix by which an error in the frame before a motion becomes one in the frame after it, shape (3, 3)."""
     x, y, turn = motion

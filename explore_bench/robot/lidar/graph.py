@@ -15,7 +15,7 @@ from explore_bench.geometry.rays import cast, leaps
 from explore_bench.robot.belief import Belief, FineMap, peak_traces
 from explore_bench.robot.lidar.closures import chains_due
 from explore_bench.robot.lidar.decision_grid import cells_in_view, patch_reach, seen_patch
-from explore_bench.robot.lidar.filtering import TailFilter, turns_of
+from explore_bench.robot.lidar.filtering import smoothed, turns_of
 from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, Posterior
 from explore_bench.robot.lidar.slam import (
@@ -156,17 +156,15 @@ class LidarGraph:
         size = 3 * len(tied)
         columns = self._posterior.columns(tied)
         before = columns[np.add.outer(3 * np.array(tied), np.arange(3)).ravel()]
-        ahead = TailFilter(list(tied), before)
-        for link in links:
-            if link.later > ahead.numbers[-1]:
-                ahead.advance(link.motion, link.covariance)
-            else:
-                ahead.measure(link.earlier, link.motion, link.covariance)
+        place = {number: i for i, number in enumerate([*tied, *range(past, past + len(poses))])}
+        ends = np.array([(place[link.earlier], place[link.later]) for link in links])
+        covariances = np.array([link.covariance for link in links])
+        after = smoothed(before, ends, np.array([link.motion for link in links]), covariances)
         gain = np.linalg.solve(before, columns.T).T
-        carried = (gain @ (ahead.joint[:size, :size] - before)).reshape(past, 3, size)
+        carried = (gain @ (after[:size, :size] - before)).reshape(past, 3, size)
         learned = np.einsum("pik,pjk->pij", carried, gain.reshape(past, 3, size))
         count = len(poses)
-        blocks = ahead.joint[size:, size:].reshape(count, 3, count, 3)
+        blocks = after[size:, size:].reshape(count, 3, count, 3)
         new = np.einsum("kikj->kij", blocks)
         turns = turns_of(np.concatenate((belief.poses[:, 2], poses[:, 2])))
         turned = turns @ np.concatenate((learned, new)) @ turns.transpose(0, 2, 1)
@@ -202,25 +200,31 @@ class LidarGraph:
         """How far a ray goes on from each cell of the map without meeting what is believed to be a wall [m]."""
         return leaps(self.fine.occupied, self.fine.grid)
 
+    @cached_property
+    def _joined(self) -> list[list[int]]:
+        """Numbers of the poses that a link joins to each."""
+        joined: list[list[int]] = [[] for _ in self.poses]
+        for link in self.links:
+            joined[link.earlier].append(link.later)
+            joined[link.later].append(link.earlier)
+        return joined
+
     def _expected(self, belief: Belief, poses: Array) -> tuple[list[Link], int]:
         """Links that the predicted key poses would bring, and how many of them close a loop."""
         past = len(belief.poses)
         trajectory = np.concatenate((belief.poses, poses))
-        joined: list[list[int]] = [[] for _ in trajectory]
-        for link in self.links:
-            joined[link.earlier].append(link.later)
-            joined[link.later].append(link.earlier)
+        at: list[Pose] = [tuple(row) for row in trajectory.tolist()]
+        joined = [*self._joined, *([] for _ in poses)]
         links: list[Link] = []
 
         def add(earlier: int, later: int, covariance: Array, robust: bool = False) -> None:
-            motion = between(_pose(trajectory[earlier]), _pose(trajectory[later]))
-            links.append(Link(earlier, later, motion, covariance, robust))
-            joined[earlier].append(later)
-            joined[later].append(earlier)
+            links.append(Link(earlier, later, between(at[earlier], at[later]), covariance, robust))
+            joined[earlier] = [*joined[earlier], later]
+            joined[later] = [*joined[later], earlier]
 
         closures = 0
         for newest in range(past, len(trajectory)):
-            motion = between(_pose(trajectory[newest - 1]), _pose(trajectory[newest]))
+            motion = between(at[newest - 1], at[newest])
             length, turned = math.hypot(motion[0], motion[1]), abs(motion[2])
             add(newest - 1, newest, self.odometry.covariance(motion, length, turned) + MATCH_COVARIANCE)
             add(anchor_at(max(newest - EXPECTED_LAG, 0), newest), newest, MATCH_COVARIANCE)
