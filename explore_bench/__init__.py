@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     )
     from explore_bench.strategies.entry import Entry as Entry, Published as Published, parse_factory as parse_factory
     from explore_bench.trial.decision_process import Course as Course, DecisionProcess as DecisionProcess
+    from explore_bench.trial.error_and_efficiency import Score as Score, score as score
     from explore_bench.trial.features import (
         CANDIDATE_COLUMNS as CANDIDATE_COLUMNS,
         STATE_COLUMNS as STATE_COLUMNS,
@@ -66,14 +67,13 @@ if TYPE_CHECKING:
     from explore_bench.trial.loop import rollout as rollout
     from explore_bench.trial.reward import REWARD_WEIGHTS as REWARD_WEIGHTS, RewardWeights as RewardWeights
     from explore_bench.trial.run import run_trial as run_trial
-    from explore_bench.trial.scores import Score as Score, score as score
     from explore_bench.trial.seeding import stream as stream
     from explore_bench.trial.spec import Status as Status, TrialSpec as TrialSpec
     from explore_bench.trial.steps import Step as Step
     from explore_bench.world.kinds import World as World, draw_world as draw_world
-    from explore_bench.world.landmark.scenario import LandmarkScenario as LandmarkScenario
+    from explore_bench.world.landmark.constants import LandmarkScenario as LandmarkScenario
     from explore_bench.world.landmark.world import LandmarkWorld as LandmarkWorld
-    from explore_bench.world.lidar.scenario import LidarScenario as LidarScenario
+    from explore_bench.world.lidar.constants import LidarScenario as LidarScenario
     from explore_bench.world.lidar.world import LidarWorld as LidarWorld
     from explore_bench.world.scenario import Scenario as Scenario
     from explore_bench.world.scenarios import PAPER as PAPER, load_scenario as load_scenario
@@ -117,12 +117,12 @@ PUBLIC: dict[str, str] = {
     "jit": "compiled",
     # worlds and trials
     "Scenario": "world.scenario",
-    "LandmarkScenario": "world.landmark.scenario",
+    "LandmarkScenario": "world.landmark.constants",
     "PAPER": "world.scenarios",
     "load_scenario": "world.scenarios",
     "World": "world.kinds",
     "LandmarkWorld": "world.landmark.world",
-    "LidarScenario": "world.lidar.scenario",
+    "LidarScenario": "world.lidar.constants",
     "LidarWorld": "world.lidar.world",
     "draw_world": "world.kinds",
     "stream": "trial.seeding",
@@ -140,8 +140,8 @@ PUBLIC: dict[str, str] = {
     "CANDIDATE_COLUMNS": "trial.features",
     "STATE_COLUMNS": "trial.features",
     "features": "trial.features",
-    "score": "trial.scores",
-    "Score": "trial.scores",
+    "score": "trial.error_and_efficiency",
+    "Score": "trial.error_and_efficiency",
     "CURVE_COLUMNS": "analysis.training_curve",
     "CURVE_WINDOW": "analysis.training_curve",
     "curve_path": "analysis.training_curve",

@@ -15,7 +15,7 @@ from explore_bench.trial.loop import rollout
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import Step
 from explore_bench.world.kinds import draw_world
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 from explore_bench.world.signals import RangeScan
 

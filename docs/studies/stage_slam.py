@@ -23,7 +23,7 @@ from explore_bench.trial.lidar import explorer
 from explore_bench.trial.loop import rollout
 from explore_bench.trial.seeding import stream
 from explore_bench.world.kinds import draw_world
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import RangeScan
 
 SCENES = 10

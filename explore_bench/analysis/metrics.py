@@ -1,7 +1,7 @@
 """The metrics: pure functions of a trial's rows, each with its symbol, unit, direction and equation.
 
-METRICS are common to all kinds of world; `metrics_of` gives those that a kind has beside them. How a trial that did not
-explore is scored, in tables and curves alike, `trial.scores` says.
+METRICS are common to all kinds of world; `metrics_of` gives those that a kind has beside them. The arithmetic of Eq. 2
+and 3, and how a trial that did not explore is scored, are in `trial.error_and_efficiency`: training needs them, too.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from explore_bench.trial import scores
-from explore_bench.trial.scores import Score
+from explore_bench.trial import error_and_efficiency
+from explore_bench.trial.error_and_efficiency import Score
 from explore_bench.trial.spec import Status
 from explore_bench.world.kinds import KINDS, kind_of
 
@@ -58,9 +58,9 @@ def score(record: TrialRecord) -> Score:
     """Score of a trial, by the rule for trials that did not explore where it did not."""
     steps = record.steps
     if not len(steps["step"]):
-        return scores.score(record.status, 0, None, 0.0, record.spec.scenario)
+        return error_and_efficiency.score(record.status, 0, None, 0.0, record.spec.scenario)
     last = int(steps["step"][-1]), float(steps["uncertainty"][-1]), float(steps["peak_trace"][-1])
-    return scores.score(record.status, *last, record.spec.scenario)
+    return error_and_efficiency.score(record.status, *last, record.spec.scenario)
 
 
 def trajectory_error(record: TrialRecord) -> float:
@@ -211,7 +211,7 @@ def curve(record: TrialRecord, name: str, length: int) -> Array:
     if name == "explored":
         values, end = steps["explored"], explored(record)
     elif name == "trajectory_error":
-        values = scores.trajectory_error(step, steps["peak_trace"], scenario)
+        values = error_and_efficiency.trajectory_error(step, steps["peak_trace"], scenario)
         end = trajectory_error(record)
     elif name == "exploration_efficiency":
         with np.errstate(divide="ignore", invalid="ignore"):

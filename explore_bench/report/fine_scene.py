@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from explore_bench.geometry import TAU, Array, Grid, Pose
 from explore_bench.geometry.rays import cast, leaps
 from explore_bench.report.moment import Scene
-from explore_bench.report.palette import CANDIDATE, CHOSEN, ESTIMATE, LOOP, OCCUPIED, RANGE, TRUE, UNKNOWN
+from explore_bench.report.scene_colors import CANDIDATE, CHOSEN, ESTIMATE, LOOP, OCCUPIED, RANGE, TRUE, UNKNOWN
 from explore_bench.trial import snapshot as classes
 from explore_bench.trial.snapshot import unpack_fine_map
 

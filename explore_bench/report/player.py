@@ -11,23 +11,23 @@ from markupsafe import Markup
 from explore_bench.analysis.metrics import score
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
-from explore_bench.report import palette
+from explore_bench.report import scene_colors
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.replays import choose_trials, packed
 from explore_bench.report.tables import number_text, shown_name
 
 COLORS = {
-    "unknown": palette.UNKNOWN,
-    "free": palette.FREE,
-    "occupied": palette.OCCUPIED,
-    "truth": palette.TRUE,
-    "estimate": palette.ESTIMATE,
-    "ellipse": palette.ELLIPSE,
-    "landmark": palette.LANDMARK,
-    "candidate": palette.CANDIDATE,
-    "chosen": palette.CHOSEN,
-    "range": palette.RANGE,
-    "loop": palette.LOOP,
+    "unknown": scene_colors.UNKNOWN,
+    "free": scene_colors.FREE,
+    "occupied": scene_colors.OCCUPIED,
+    "truth": scene_colors.TRUE,
+    "estimate": scene_colors.ESTIMATE,
+    "ellipse": scene_colors.ELLIPSE,
+    "landmark": scene_colors.LANDMARK,
+    "candidate": scene_colors.CANDIDATE,
+    "chosen": scene_colors.CHOSEN,
+    "range": scene_colors.RANGE,
+    "loop": scene_colors.LOOP,
 }
 """Of the player: those of the figures."""
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from explore_bench.report.fine_scene import draw_fine_map, fine_map_legend
 from explore_bench.report.moment import Scene
-from explore_bench.report.palette import (
+from explore_bench.report.scene_colors import (
     CANDIDATE,
     CHOSEN,
     ELLIPSE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from explore_bench.trial.scores import trajectory_error
+from explore_bench.trial.error_and_efficiency import trajectory_error
 from explore_bench.trial.steps import Step
 from explore_bench.world.scenario import Scenario
 

@@ -64,13 +64,13 @@ class Kind:
 
 KINDS: dict[str, Kind] = {
     "landmark": Kind(
-        scenario="explore_bench.world.landmark.scenario:LandmarkScenario",
+        scenario="explore_bench.world.landmark.constants:LandmarkScenario",
         world="explore_bench.world.landmark.world:LandmarkWorld",
         step="explore_bench.trial.landmark.step:LandmarkStep",
         explorer="explore_bench.trial.landmark.explorer:LandmarkExplorer",
     ),
     "lidar": Kind(
-        scenario="explore_bench.world.lidar.scenario:LidarScenario",
+        scenario="explore_bench.world.lidar.constants:LidarScenario",
         world="explore_bench.world.lidar.world:LidarWorld",
         step="explore_bench.trial.lidar.step:LidarStep",
         explorer="explore_bench.trial.lidar.explorer:LidarExplorer",

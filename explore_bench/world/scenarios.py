@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, unknown
-from explore_bench.world.landmark.scenario import LandmarkScenario
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.maps import gallery, with_map
 from explore_bench.world.scenario import Scenario
 

@@ -158,12 +158,12 @@ def page():
     return (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
-ROBOT_KNOWS = {"scenario", "signals", "landmark.scenario", "lidar.scenario"}
+ROBOT_KNOWS = {"scenario", "signals", "landmark.constants", "lidar.constants"}
 """Modules of `world` that tell nothing of the truth."""
 
 
 def test_what_runs_on_board_never_imports_what_is_true():
-    assert "- `robot` imports of `world` only `scenario`, `signals` and the scenario of its kind" in page()
+    assert "- `robot` imports of `world` only `scenario`, `signals` and the constants of its kind" in page()
     known = set()
     for name, path in CORE.items():
         if name.startswith("explore_bench.robot"):

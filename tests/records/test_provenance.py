@@ -30,7 +30,7 @@ from explore_bench.records.provenance import (
 from explore_bench.strategies.entry import parse_factory
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.world.kinds import KINDS
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER
 
@@ -396,7 +396,7 @@ def test_a_learned_strategy_is_followed_into_its_network_and_not_into_its_traini
     followed = modules(f"baselines.learned.{module}:strategy")
     assert {f"baselines.learned.{name}" for name in (module, "policy", "checkpoint")} <= followed
     assert not [name for name in followed if name.startswith("baselines.training")]
-    assert {"explore_bench.trial.reward", "explore_bench.trial.scores"}.isdisjoint(followed)
+    assert {"explore_bench.trial.reward", "explore_bench.trial.error_and_efficiency"}.isdisjoint(followed)
     assert "torch" in library_versions(f"baselines.learned.{module}", "landmark")
 
 
@@ -405,7 +405,7 @@ def test_one_learned_strategy_does_not_depend_on_the_networks_of_another():
     assert "baselines.learned.gcn" not in modules("baselines.learned.graph_stnn:strategy")
 
 
-HOME = "explore_bench.trial.scores"
+HOME = "explore_bench.trial.error_and_efficiency"
 """Module of a public name that no trial needs."""
 
 
@@ -419,8 +419,8 @@ HOME = "explore_bench.trial.scores"
         "import explore_bench.geometry\nwhere = explore_bench.score",
         "import explore_bench as bench\nwhere = getattr(bench, 'sc' + 'ore')",
         "from explore_bench import *",
-        "from explore_bench.trial.scores import score",
-        "import explore_bench.trial.scores",
+        "from explore_bench.trial.error_and_efficiency import score",
+        "import explore_bench.trial.error_and_efficiency",
     ],
 )
 def test_a_plugin_s_file_is_followed_into_the_core_through_the_public_names(tmp_path, head):
@@ -455,7 +455,7 @@ import explore_bench
 from explore_bench.records import provenance
 from explore_bench.records.provenance import trial_key
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER
 
@@ -505,7 +505,7 @@ STALE = {
     "explore_bench/trial/run.py": CHESS + LANDMARK,
     "explore_bench/world/scenario.py": CHESS + LANDMARK,
     # of one strategy
-    "explore_bench/trial/scores.py": ["chess public", "landmark public"],
+    "explore_bench/trial/error_and_efficiency.py": ["chess public", "landmark public"],
     "baselines/clairvoyant.py": ["chess clairvoyant", "landmark clairvoyant"],
     "public.py": ["chess public", "landmark public"],
     # of none

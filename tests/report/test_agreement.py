@@ -9,7 +9,7 @@ import pytest
 from explore_bench.analysis.tables import SUMMARY_COLUMNS
 from explore_bench.report.agreement import agreement_table, agreement_tables, constants_table, order_table
 from explore_bench.strategies.registry import strategies
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 
 PAPER = {name: strategies()[name].published["table2", 20.0, "trajectory_error"] for name in ("entropy", "random")}
 

@@ -17,8 +17,8 @@ from explore_bench.report.drawing import styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.fine_scene import BEAMS, _sight, bands, draw_fine_map, draw_truth, outline
 from explore_bench.report.moment import Scene, scene_of
-from explore_bench.report.palette import CANDIDATE, CHOSEN, ESTIMATE, LOOP, OCCUPIED, RANGE, TRUE, UNKNOWN
 from explore_bench.report.scene import draw_scene, scene_image, scene_legend
+from explore_bench.report.scene_colors import CANDIDATE, CHOSEN, ESTIMATE, LOOP, OCCUPIED, RANGE, TRUE, UNKNOWN
 from explore_bench.report.tables import shown_name
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import in_order

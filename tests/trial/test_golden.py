@@ -13,7 +13,7 @@ import pytest
 from explore_bench.geometry import cell_of
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import TrialSpec
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 
 FOLDER = Path(__file__).parent / "golden"
 

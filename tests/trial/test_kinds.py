@@ -15,7 +15,7 @@ from explore_bench.records.store import Store
 from explore_bench.runs.workers.task import warm_up
 from explore_bench.trial.steps import step_columns
 from explore_bench.world.kinds import KINDS
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.scenarios import load_scenario
 
 

@@ -10,9 +10,9 @@ from handmade import record
 from hypothesis import given, strategies as st
 
 from explore_bench.analysis.metrics import METRICS, curve
+from explore_bench.trial.error_and_efficiency import trajectory_error
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.reward import REWARD_WEIGHTS, RewardWeights, reward
-from explore_bench.trial.scores import trajectory_error
 from explore_bench.trial.steps import step_columns
 from explore_bench.world.scenario import Scenario
 

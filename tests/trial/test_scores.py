@@ -7,7 +7,7 @@ import pytest
 from handmade import record
 
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.trial.scores import Score, score, trajectory_error
+from explore_bench.trial.error_and_efficiency import Score, score, trajectory_error
 from explore_bench.trial.spec import Status
 from explore_bench.world.scenario import Scenario
 

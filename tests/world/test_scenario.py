@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Grid
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import CHEN_2020, PAPER
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from explore_bench.errors import RequestError
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.maps import gallery
 from explore_bench.world.scenarios import CHEN_2020, PAPER, SCENARIOS, load_scenario
 

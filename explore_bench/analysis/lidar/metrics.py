@@ -1,7 +1,7 @@
 """The metrics that trials in lidar worlds have beside the common ones: seconds, metres, the map, loops and the drive.
 
-A trial that did not explore is scored as everywhere (`trial.scores`): what it did not reach counts as reached at the
-limit. In seconds that is the time limit, in metres the longest way that a robot can drive until then.
+A trial that did not explore is scored as everywhere (`trial.error_and_efficiency`): what it did not reach counts as
+reached at the limit. In seconds that is the time limit, in metres the longest way that a robot can drive until then.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from explore_bench.analysis.metrics import Metric, broken_off, finished, last, score, time_to
-from explore_bench.trial import scores
+from explore_bench.trial import error_and_efficiency
 
 if TYPE_CHECKING:  # compiled code and scipy take a second to import, and a list of metrics needs none
     from explore_bench.analysis.lidar.map_quality import MapQuality
@@ -50,7 +50,8 @@ def error_over(effort: Value) -> Value:
     """Metric of Eq. 3 with another effort in the place of the steps n_a."""
 
     def value(record: TrialRecord) -> float:
-        return float(scores.trajectory_error(effort(record), score(record).peak_trace, record.spec.scenario))
+        peak, scenario = score(record).peak_trace, record.spec.scenario
+        return float(error_and_efficiency.trajectory_error(effort(record), peak, scenario))
 
     return value
 

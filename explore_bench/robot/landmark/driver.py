@@ -9,7 +9,7 @@ import numpy as np
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose, compose, wrap_angle
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Command
 
 

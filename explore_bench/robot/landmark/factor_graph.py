@@ -9,7 +9,7 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from explore_bench.geometry import Array, Pose, compose
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Odometry, Sightings
 
 RELINEARIZE_THRESHOLD = 0.01

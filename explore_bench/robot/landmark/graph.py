@@ -25,7 +25,7 @@ from explore_bench.robot.virtual_map import (
     prior_of,
     uncertainty,
 )
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.scenario import Scenario
 
 

@@ -16,7 +16,7 @@ from explore_bench.robot.landmark.block_arrow import (
 )
 from explore_bench.robot.landmark.growing import Rows
 from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Odometry
 
 

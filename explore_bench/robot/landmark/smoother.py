@@ -20,7 +20,7 @@ from explore_bench.robot.landmark.marginals import Marginals
 from explore_bench.robot.occupancy import OccupancyMap
 from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.robot.virtual_map import NOTHING_HIDDEN, VirtualMap, key_poses
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Odometry, Patch, Scan
 
 

@@ -12,7 +12,7 @@ from explore_bench.compiled import jit
 from explore_bench.geometry import TAU, Array, Grid, cells_within, room_within
 from explore_bench.geometry.rays import cast
 from explore_bench.robot.lidar.grid_map import GridMap
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import FREE, HIDDEN
 
 KNOWN_SHARE = 0.5

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, compose
 from explore_bench.geometry.rays import clearance_at
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import Velocity
 
 SLACK = (

@@ -19,7 +19,7 @@ from explore_bench.robot.lidar.driving import (
     roll_out,
     turn_in_place,
 )
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import Velocity
 
 

@@ -26,7 +26,7 @@ from explore_bench.robot.lidar.slam import (
     anchor_at,
 )
 from explore_bench.robot.virtual_map import constants_of, fuse_poses, key_poses, prior_of, uncertainty
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.scenario import Scenario
 
 EXPECTED_LAG = 20

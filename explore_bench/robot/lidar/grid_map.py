@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from explore_bench.compiled import jit
 from explore_bench.geometry import TAU, Array, Grid, Pose, place_of
 from explore_bench.robot.belief import FineMap
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 OCCUPIED_SHARE = 0.25
 """A cell is believed occupied where at least this share of the beams that came to it ended in it (Karto: 0.1)."""

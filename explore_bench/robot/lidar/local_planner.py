@@ -7,7 +7,7 @@ from typing import Protocol
 from explore_bench.geometry import Array, Grid, Pose
 from explore_bench.robot.lidar.dwa import DynamicWindow
 from explore_bench.robot.lidar.pursuit import Pursuit
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import Velocity
 
 

@@ -12,7 +12,7 @@ from explore_bench.robot.lidar.graph import LidarGraph
 from explore_bench.robot.lidar.slam import Slam
 from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.robot.virtual_map import VirtualMap, key_poses
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import RangeScan
 
 

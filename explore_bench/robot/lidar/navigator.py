@@ -15,7 +15,7 @@ from explore_bench.robot.lidar.frontiers import MOST_TRIES, Frontier, frontier_m
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.terrain import Terrain, Ways, length_of
 from explore_bench.robot.planning.roads import Roads
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 MARGINS = (0.0, 0.04, 0.08)
 """What is given up of the lethal radius, one after the other, where no frontier can be reached [m]."""

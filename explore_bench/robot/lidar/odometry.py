@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from explore_bench.geometry import Array, Pose, wrap_angle
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 LEAST_SIGMA = 0.001
 """Least noise of odometry [m or rad]: with a thousandth of that a long drive without a match is no longer solvable."""

@@ -21,7 +21,7 @@ from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match, Matcher, 
 from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
 from explore_bench.robot.timing import Lap, no_lap
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import RangeScan
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from explore_bench.runs.conformance.evidence import Evidence
+from explore_bench.runs.conformance.finding import Finding, Verdict
 from explore_bench.runs.conformance.rules import RULES
 from explore_bench.runs.conformance.subject import TIMEOUT, Subject
-from explore_bench.runs.conformance.verdict import Finding, Verdict
 
 __all__ = ["RULES", "Finding", "Verdict", "check", "findings"]
 

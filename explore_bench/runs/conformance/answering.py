@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from explore_bench.runs.conformance.answers import Answers, Stray
 from explore_bench.runs.conformance.apart import TOURS
 from explore_bench.runs.conformance.evidence import Evidence
+from explore_bench.runs.conformance.finding import BrokenError, NotApplicableError
 from explore_bench.runs.conformance.tours import ORDINARY, Tour
-from explore_bench.runs.conformance.verdict import BrokenError, NotApplicableError
 from explore_bench.trial.spec import Status
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from explore_bench.runs.conformance import answering, independence
 from explore_bench.runs.conformance.evidence import Evidence
+from explore_bench.runs.conformance.finding import BrokenError, Finding, NotApplicableError, Verdict
 from explore_bench.runs.conformance.tours import CORNERS, MANY, MANY_CANDIDATES, NO_LANDMARK, ONE_CANDIDATE
-from explore_bench.runs.conformance.verdict import BrokenError, Finding, NotApplicableError, Verdict
 
 
 @dataclass(frozen=True)

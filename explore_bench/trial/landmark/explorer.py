@@ -20,8 +20,8 @@ from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.explorer import ChoiceError, Patience, StuckError, checked
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.spec import Status
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.landmark.motion import Robot
-from explore_bench.world.landmark.scenario import LandmarkScenario
 from explore_bench.world.landmark.sensor import Sensor
 from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.signals import Command

@@ -24,8 +24,8 @@ from explore_bench.trial.lidar.loops import Loops
 from explore_bench.trial.lidar.ride import Ride
 from explore_bench.trial.lidar.step import LidarStep
 from explore_bench.trial.spec import Status
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.motion import Vehicle
-from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.lidar.sensor import Lidar
 from explore_bench.world.lidar.world import LidarWorld
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from explore_bench.geometry import TAU, Array, Pose, between
 from explore_bench.geometry.rays import cast, leaps
 from explore_bench.robot.lidar.pose_graph import Link
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 
 CLOSURE_DISTANCE, CLOSURE_TURN = 0.3, math.radians(3.0)

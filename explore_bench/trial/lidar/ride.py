@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from explore_bench.geometry import Pose
 from explore_bench.geometry.rays import clearance_at
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 
 SAFE_DISTANCE = 0.1

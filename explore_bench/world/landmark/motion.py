@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Grid, Pose, compose, place_of
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.signals import Command, Odometry
 

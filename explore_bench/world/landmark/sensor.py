@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, place_of, wrap_angle
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.signals import FREE, HIDDEN, OCCUPIED, Patch, Scan, Sightings
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Array, Grid, Pose, centre_of
 from explore_bench.world.floor_plan import FloorPlan, floor_plan
-from explore_bench.world.landmark.scenario import LandmarkScenario
+from explore_bench.world.landmark.constants import LandmarkScenario
 
 MAX_DRAWS = 100_000
 """Twice the obstacles at 20 m take 2,500 draws on average."""

@@ -10,7 +10,7 @@ import numpy as np
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, compose
 from explore_bench.geometry.rays import clearance_at
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 
 BLOCK = 256  # ticks whose normals are drawn at once: a draw of three costs as much as the tick

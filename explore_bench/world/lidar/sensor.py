@@ -6,7 +6,7 @@ import numpy as np
 
 from explore_bench.geometry import Pose
 from explore_bench.geometry.rays import cast, leaps
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 from explore_bench.world.signals import RangeScan
 

@@ -16,7 +16,7 @@ from scipy import ndimage
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Array, Grid, Pose, centre_of
 from explore_bench.world.floor_plan import FloorPlan, floor_plan
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.scenes import SCENES
 
 MAX_DRAWS = 200

@@ -8,7 +8,7 @@ from lidar_worlds import drawn, ranges_at
 
 from explore_bench.robot.lidar.decision_grid import known, occupancy, patch_reach, seen_patch
 from explore_bench.robot.lidar.grid_map import GridMap
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import FREE, HIDDEN
 
 SCENARIO = LidarScenario(size=6.0, sensor_range=5.0)

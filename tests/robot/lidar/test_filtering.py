@@ -9,7 +9,7 @@ from explore_bench.geometry import between, compose
 from explore_bench.robot.lidar.filtering import TailFilter, adjoint_of_inverse, rotated
 from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 SCENARIO = LidarScenario()
 

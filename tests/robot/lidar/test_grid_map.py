@@ -5,7 +5,7 @@ import pytest
 from lidar_worlds import cluttered, ranges_at
 
 from explore_bench.robot.lidar.grid_map import OCCUPIED_SHARE, GridMap
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 SCENARIO = LidarScenario(size=10.0)
 WORLD = cluttered()

@@ -14,7 +14,7 @@ from explore_bench.robot.lidar.odometry import OdometryModel
 from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
 from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN, MATCH_COVARIANCE, WINDOW, anchor_at
 from explore_bench.robot.virtual_map import prior_of
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 SCENARIO = LidarScenario(size=20.0, sensor_range=6.0)
 MATCHED = np.diag((0.01**2, 0.01**2, 0.002**2))

@@ -13,8 +13,8 @@ from explore_bench.robot.lidar.dwa import DynamicWindow
 from explore_bench.robot.lidar.local_planner import local_planner
 from explore_bench.robot.lidar.pursuit import Pursuit
 from explore_bench.robot.planning.astar import shortest_path
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.motion import Vehicle
-from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld, clearance_of
 
 SCENARIO = LidarScenario(odometry_noise=0.0, heading_noise=0.0)

@@ -11,7 +11,7 @@ from explore_bench.robot.belief import peak_traces
 from explore_bench.robot.lidar.decision_grid import known, occupancy, patch_reach, seen_patch
 from explore_bench.robot.lidar.mapper import Mapper
 from explore_bench.robot.virtual_map import VirtualMap, prior_of
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import RangeScan
 
 SCENARIO = LidarScenario(size=10.0, sensor_range=4.0)

@@ -11,7 +11,7 @@ from explore_bench.robot.lidar.frontiers import MOST_TRIES, frontiers
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.navigator import MARGINS, RELEASES, Navigator, along, seconds_for
 from explore_bench.strategies.contract import Observation
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 SCENARIO = LidarScenario(size=8.0)
 START = (2.05, 4.05, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from explore_bench.robot.lidar.odometry import OdometryModel
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 
 def test_the_odometry_s_covariance_is_that_of_its_bias_and_noise():

@@ -18,7 +18,7 @@ from explore_bench.robot.lidar.slam import (
     Slam,
     search_window,
 )
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import RangeScan
 
 SHORT = LidarScenario(size=14.0, sensor_range=4.0)

@@ -8,7 +8,7 @@ import pytest
 from lidar_worlds import play
 
 from explore_bench.trial.spec import Status
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 
 TRIALS = range(1000, 1040)
 

@@ -19,7 +19,7 @@ from explore_bench.trial.lidar.ride import SAFE_DISTANCE
 from explore_bench.trial.lidar.step import LidarStep
 from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import Step, step_columns
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.sensor import Lidar
 from explore_bench.world.signals import RangeScan
 

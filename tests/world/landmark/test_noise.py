@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from explore_bench.world.landmark.scenario import NoiseModel
+from explore_bench.world.landmark.constants import NoiseModel
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.signals import Odometry
 

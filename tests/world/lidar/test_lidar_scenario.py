@@ -6,7 +6,7 @@ import pytest
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Grid
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 from explore_bench.world.scenario import Scenario
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lidar_worlds import cluttered, drawn, ranges_at
 
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.sensor import Lidar
 
 SCENARIO = LidarScenario(size=10.0, sensor_range=4.0)

@@ -9,7 +9,7 @@ from scipy import ndimage
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Grid, cell_of
 from explore_bench.trial.seeding import stream
-from explore_bench.world.lidar.scenario import LidarScenario
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.scenes import SCENES
 from explore_bench.world.lidar.world import LidarWorld, clearance_of
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from explore_bench.geometry import Grid, between, compose
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.motion import BLOCK, Vehicle
-from explore_bench.world.lidar.scenario import LidarScenario
 from explore_bench.world.lidar.world import LidarWorld
 
 SCENARIO = LidarScenario()

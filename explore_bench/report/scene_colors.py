@@ -1,4 +1,7 @@
-"""Colours of a moment of a trial, in figures and in the page's player alike."""
+"""Colours of a moment of a trial, in figures and in the page's player alike.
+
+Those of strategies are in their entries: `baselines/catalogue.py`.
+"""
 
 from __future__ import annotations
 
