@@ -8,6 +8,13 @@ from baselines.learned.candidate_features import BLOCK_COLUMNS, CANDIDATE_COLUMN
 from baselines.learned.graph import ExplorationGraph
 
 
+class InRange:
+    """A graph behind a belief that knows no more than what is in range."""
+
+    def view(self, scenario, places):
+        return scenario.grid.in_reach(places, scenario.sensor_range)
+
+
 def random_graph(rng, trajectory=None, others=None, candidates=None, columns=5, weighted=False):
     """Return a graph of random features and edges; sizes that are not given are drawn."""
     trajectory = trajectory or int(rng.integers(1, 12))

@@ -136,3 +136,7 @@ def play(scenario, choose=nearest, trial=0, world=None, purpose="calibrate"):
             assert isinstance(event, Observation)
             seen.append(event)
             choice = choose(event)
+
+
+LOOPING, LOOPING_TRIAL = SMALL.replace(size=12.0, sensor_range=3.0), 1
+"""A range so short that walls come into sight anew after a while; of its calibration worlds this closes a loop."""

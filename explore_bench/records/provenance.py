@@ -80,8 +80,8 @@ def scenario_digest(scenario: Scenario) -> str:
 def forget_code() -> None:
     """Read all code anew: it may have been edited since (in a notebook, say)."""
     of_packages = (_modules, _file, _counts_by_source, _registering, _distributions)
-    for function in (code_digest, library_versions, weights_digest, _tree, _syntax, _imports, *of_packages):
-        function.cache_clear()
+    for function in (code_digest, library_versions, weights_digest, *of_packages):
+        function.cache_clear()  # what follows from the bytes of a file alone stays
     importlib.invalidate_caches()
 
 
@@ -90,7 +90,7 @@ def code_digest(place: str, kind: str) -> str:
     """Digest of the syntax trees of a factory's module, of the loop and the kind of world, and of what these import."""
     digest = hashlib.sha256()
     for name, path in sorted(_modules(place, kind).items()):
-        digest.update(name.encode() + _syntax(path))
+        digest.update(name.encode() + _syntax(path.read_bytes()))
     return digest.hexdigest()
 
 
@@ -229,62 +229,62 @@ def _spec(package: str) -> ModuleSpec | None:
         return None
 
 
-@cache
-def _tree(path: Path) -> ast.Module | None:
-    return _parsed(path)
-
-
-def _parsed(path: Path) -> ast.Module | None:
+def _parsed(source: bytes) -> ast.Module | None:
     """Syntax tree of a file; None for one that does not parse, which imports nothing and counts by its bytes."""
     try:
-        return ast.parse(path.read_bytes())
+        return ast.parse(source)
     except (SyntaxError, ValueError, RecursionError):
         return None
 
 
-@cache
 def _imports(path: Path, module: str) -> frozenset[str]:
     """Names that a file imports: of `from a import b` both a and a.b, which may be a module or not."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    return _imported(path.read_bytes(), package)
+
+
+@cache
+def _imported(source: bytes, package: str) -> frozenset[str]:
+    """Names that a source in a package imports."""
     names: set[str] = set()
-    tree = _tree(path) or ast.Pass()
-    for node in ast.walk(tree):
+    nodes = list(ast.walk(_parsed(source) or ast.Pass()))
+    for node in nodes:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
             if node.level:
-                is_package = path.name == "__init__.py"
-                parts = module.split(".")
-                parents = parts[: len(parts) - node.level + is_package]
+                parts = package.split(".")
+                parents = parts[: len(parts) - node.level + 1]
                 base = ".".join(filter(None, (*parents, base)))
             names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return frozenset(names | _taken_from_root(tree))
+    return frozenset(names | _taken_from_root(nodes))
 
 
-def _taken_from_root(tree: ast.AST) -> set[str]:
+def _taken_from_root(nodes: Sequence[ast.AST]) -> set[str]:
     """Names that a file takes from the imported package `explore_bench` itself, `bench.score` say; all if unclear."""
     bound = {
         alias.asname or PACKAGE
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Import)
         for alias in node.names
         if alias.name == PACKAGE or (alias.name.startswith(f"{PACKAGE}.") and not alias.asname)
     }
     taken, of_attributes = set(), set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in bound:
             taken.add(f"{PACKAGE}.{node.attr}")
             of_attributes.add(node.value)
-    bare = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in bound]
+    bare = [node for node in nodes if isinstance(node, ast.Name) and node.id in bound]
     return taken | ({f"{PACKAGE}.*"} if any(node not in of_attributes for node in bare) else set())
 
 
 @cache
-def _syntax(path: Path) -> bytes:
+def _syntax(source: bytes) -> bytes:
     """Syntax tree of a file without positions and without strings that stand alone: docstrings of all kinds."""
-    tree = _parsed(path)
+    tree = _parsed(source)
     if tree is None:
-        return path.read_bytes()
+        return source
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):

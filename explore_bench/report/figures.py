@@ -130,16 +130,16 @@ def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
 
 
 def _moment_of_16(store: Store, records: Sequence[TrialRecord]) -> tuple[str, Scene] | None:
-    """The moment that Figure 16 shows: of the example trial of its suite's strategy, or of another; words for it.
+    """The moment that Figure 16 shows: in the first world of its suite's strategy, or of another; words for it.
 
     It is the decision before the longest drive of the middle third, so that there is a way to be seen.
     """
-    own = [r for r in records if r.fine_map is not None and r.spec.trial == EXAMPLE_TRIAL and len(r.steps["step"]) > 1]
+    own = [r for r in records if r.fine_map is not None and len(r.steps["step"]) > 1]
     names = in_order(record.spec.strategy for record in own)
     if not names:
         return None
     name = next((name for name in names if FIGURE_16_SUITE in entry_of(name).suites), names[0])
-    record = next(record for record in own if record.spec.strategy == name)
+    record = min((one for one in own if one.spec.strategy == name), key=lambda one: one.spec.trial)
     replay = store.replay(record.spec)
     third = (len(replay.steps) - 1) // 3
     driven = np.diff(record.steps["path_length"][replay.steps])

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from handmade_graphs import reordered_observation
+from handmade_graphs import InRange, reordered_observation
 from hypothesis import given, strategies as st
 
 from baselines.learned.graph import (
@@ -59,7 +59,7 @@ def see(track, landmarks=(), obstacles=(), candidates=(), heading=0.0, edge=5, *
         virtual_map=np.tile([1.0, 0.0, 1.0], (n, n, 1)),
         uncertainty=2.0 * n * n,
         peak_trace=0.03,
-        graph=None,
+        graph=InRange(),
     )
     cells = np.array(candidates, dtype=np.int64)
     own = cell_of(scenario.grid, *track[-1])

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from handmade import write_plugin
-from lidar_worlds import SMALL, play
+from lidar_worlds import LOOPING, LOOPING_TRIAL, SMALL, play
 
 from explore_bench.geometry import Grid
 from explore_bench.records.encoding import comparable, encode, read_record, read_replay
@@ -88,7 +88,7 @@ def test_a_replay_holds_map_trajectory_and_closures_of_every_decision_and_the_en
 
 def test_the_closures_of_a_belief_are_those_that_the_rows_count(result, beliefs):
     """On a range of 3 m walls that come into sight anew are often those of long ago."""
-    rows, seen, ending = play(SMALL.replace(size=12.0, sensor_range=3.0), trial=0)
+    rows, seen, ending = play(LOOPING, trial=LOOPING_TRIAL)
     counts = {row.step: row.closures for row in rows}
     assert counts[rows[-1].step] > 0, "the world has a loop to close"
     for observation in seen:

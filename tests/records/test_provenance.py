@@ -468,7 +468,7 @@ STRATEGIES = {
 }
 
 def keys():
-    for of_code in ("code_digest", "_modules", "_tree", "_syntax", "_imports"):
+    for of_code in ("code_digest", "_modules"):
         getattr(provenance, of_code).cache_clear()  # and what is known of the libraries stays
     return {
         f"{kind} {name}": trial_key(TrialSpec(name, factory, Scenario(kind=kind), 0))

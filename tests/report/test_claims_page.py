@@ -75,18 +75,19 @@ def test_what_was_not_measured_is_said(trials):
 
 def test_all_claims_are_written_with_a_verdict_each_and_the_same_bytes_twice(trials, tmp_path):
     found = examined(trials)
-    assert [row[0] for row in overview(found).rows] == [claim.name for claim in claims() if claim.scenario == "paper"]
+    about = [claim for claim in claims() if claim.scenario == "paper"]
+    assert [row[0] for row in overview(found).rows] == [claim.name for claim in about]
     first = [path.read_bytes() for path in write_claims(found, tmp_path)]
     second = [path.read_bytes() for path in write_claims(examined(trials), tmp_path)]
     assert first == second
     page, values = first[0].decode(), json.loads(first[1])
-    assert [value["claim"] for value in values] == [claim.name for claim in claims()]
-    for claim, value in zip(claims(), values, strict=True):
+    assert [value["claim"] for value in values] == [claim.name for claim in about]
+    for claim, value in zip(about, values, strict=True):
         assert f"## Claim ({claim.name}): {value['verdict']}" in page
         assert len(value["comparisons"]) == len(claim.comparisons)
         words = [own["sentence"] for own in value["comparisons"]]
         assert all(f"\n- {own}\n" in page for own in words)
-    assert page.count("\n- ") == sum(len(claim.comparisons) for claim in claims())
+    assert page.count("\n- ") == sum(len(claim.comparisons) for claim in about)
 
 
 def test_the_page_says_every_comparison_in_words_and_explains_what_was_measured(trials):

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from handmade import TINY, tiny_plan
-from lidar_worlds import SMALL, drawn
+from lidar_worlds import LOOPING, LOOPING_TRIAL, SMALL, drawn
 from matplotlib.colors import to_hex
 
 from explore_bench.geometry import Grid
@@ -26,11 +26,10 @@ from explore_bench.trial.run import run_trial
 from explore_bench.trial.snapshot import unpack_fine_map
 from explore_bench.trial.spec import TrialSpec
 
-LOOPING = SMALL.replace(size=12.0, sensor_range=3.0)
 
-
-def stored_trial(folder, scenario, name="stage", **changes):
-    spec = plan("smoke", ["nearest"], [scenario.size], 1, scenario=scenario, scenario_name=name).specs[0]
+def stored_trial(folder, scenario, name="stage", trial=0, **changes):
+    own = plan("smoke", ["nearest"], [scenario.size], trial + 1, scenario=scenario, scenario_name=name)
+    spec = own.specs[trial]
     store = Store(folder)
     spec = dataclasses.replace(spec, **changes)
     store.open(spec.root, spec.purpose, scenario if spec.purpose == "evaluate" else None)
@@ -41,7 +40,7 @@ def stored_trial(folder, scenario, name="stage", **changes):
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory):
     """Return a folder of a trial whose robot closes loops, its record and its replay."""
-    return stored_trial(tmp_path_factory.mktemp("fine") / "results", LOOPING, purpose="calibrate")
+    return stored_trial(tmp_path_factory.mktemp("fine") / "results", LOOPING, trial=LOOPING_TRIAL, purpose="calibrate")
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lidar_worlds import SMALL
+from lidar_worlds import LOOPING, LOOPING_TRIAL
 
 from explore_bench.analysis.tables import trial_table
 from explore_bench.records.store import Store
@@ -22,14 +22,13 @@ from explore_bench.trial.snapshot import FREE, OCCUPIED, UNKNOWN, unpack_fine_ma
 
 SCRIPT = Path(player.__file__).parent / "assets" / "player.js"
 NODE = shutil.which("node")
-LOOPING = SMALL.replace(size=12.0, sensor_range=3.0)
-"""A range so short that walls come into sight anew after a while: loops are closed."""
 
 
 @pytest.fixture(scope="module")
 def lidar(tmp_path_factory):
     """Return a folder of one trial whose robot closes loops."""
-    spec = plan("smoke", ["nearest"], [LOOPING.size], 2, scenario=LOOPING, purpose="calibrate").specs[1]
+    specs = plan("smoke", ["nearest"], [LOOPING.size], LOOPING_TRIAL + 1, scenario=LOOPING, purpose="calibrate").specs
+    spec = specs[LOOPING_TRIAL]
     store = Store(tmp_path_factory.mktemp("player") / "results")
     store.open(spec.root, spec.purpose, LOOPING)
     store.write(run_trial(spec))

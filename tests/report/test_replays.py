@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from handmade import record, with_spec
 from hypothesis import given, strategies as st
+from lidar_worlds import LOOPING, LOOPING_TRIAL
 
 from explore_bench.analysis.metrics import curve, exploration_efficiency
 from explore_bench.records.encoding import Replay, encode, read_record, read_replay
@@ -205,11 +206,9 @@ def test_a_replay_in_a_landmark_world_has_the_bytes_that_it_always_had():
 @pytest.fixture(scope="module", params=["stage", "looping"])
 def fine(request, tmp_path_factory):
     """Return the record and the replay of a trial with a finer map: a dense scene of 20 m, and one with closures."""
-    scenario = load_scenario("stage").replace(size=20.0)
-    if request.param == "looping":
-        scenario = scenario.replace(size=12.0, sensor_range=3.0)
-    own = plan("smoke", ["nearest"], [scenario.size], 1, scenario=scenario, scenario_name="stage")
-    spec = dataclasses.replace(own.specs[0], purpose="calibrate")
+    scenario, trial = (LOOPING, LOOPING_TRIAL) if request.param == "looping" else (load_scenario("stage"), 0)
+    own = plan("smoke", ["nearest"], [scenario.size], trial + 1, scenario=scenario, scenario_name="stage")
+    spec = dataclasses.replace(own.specs[trial], purpose="calibrate")
     path = tmp_path_factory.mktemp("fine") / "a.parquet"
     path.write_bytes(encode(run_trial(spec)))
     return read_record(path), read_replay(path)

@@ -78,10 +78,12 @@ def test_what_differs_is_named(tmp_path, name):
 
 def test_edited_code_of_the_core_is_refused(tmp_path, monkeypatch, fresh_digests):
     from explore_bench.records import provenance
+    from explore_bench.robot.planning import astar
 
     parcel = parcel_of("nearest")
     fresh_digests()
-    syntax = provenance._syntax
-    monkeypatch.setattr(provenance, "_syntax", lambda path: b"edited" if path.name == "astar.py" else syntax(path))
-    with pytest.raises(OtherCodeError, match=rf"it has code \w+ for {parcel.versions['code']};"):
-        unpack(parcel, tmp_path)
+    syntax, edited = provenance._syntax, Path(astar.__file__).read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(provenance, "_syntax", lambda source: b"edited" if source == edited else syntax(source))
+        with pytest.raises(OtherCodeError, match=rf"it has code \w+ for {parcel.versions['code']};"):
+            unpack(parcel, tmp_path)
