@@ -16,15 +16,16 @@ def seen():
     """Two candidates of a 20 m map of which the right half is unknown: one on its edge and far, one inside and near."""
     known = np.zeros((10, 10), dtype=bool)
     known[:, :5] = True
+    scenario = Scenario(size=20.0)
     return SimpleNamespace(
-        scenario=Scenario(size=20.0),
-        belief=SimpleNamespace(known=known),
+        scenario=scenario,
+        belief=SimpleNamespace(known=known, view=lambda places: scenario.grid.in_reach(places, scenario.sensor_range)),
         positions=np.array([[9.0, 9.0], [3.0, 9.0]]),
         path_lengths=np.array([12.0, 2.0]),
     )
 
 
-def test_the_area_is_that_of_the_unknown_cells_in_range(seen):
+def test_the_area_is_that_of_the_unknown_cells_in_view(seen):
     """From (9, 9), 5 m reach the cells at (11, 5 … 13) and (13, 7 … 11)."""
     assert unknown_area(seen).tolist() == [4.0 * 8, 0.0]
 
