@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from explore_bench.analysis.claims import Claim, Finding
-from explore_bench.analysis.tables import summary_table, trial_table, world_table
+from explore_bench.analysis.tables import of_paper, summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
@@ -87,7 +87,7 @@ def _write_all(
     files += write_tables(({"claims": overview(found)} if found else {}) | tables, folder / "tables")
     files += write_figures(store, records, folder / "figures")
     files += write_survival_figures(trials, folder / "figures")
-    files += write_training_figures(folder / "figures")
+    files += write_training_figures(folder / "figures") if of_paper(trials) else []
     return [*files, _write_page(store, records, trials, tables, found, files, stale, folder)]
 
 
