@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from explore_bench.analysis.claims import Claim, Finding
 from explore_bench.analysis.tables import of_paper, summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -57,13 +55,11 @@ def write_report(folder: Path) -> Report:
         worlds, own = world_table(records), kind_tables(records, trials)
         files += [_write_csv(worlds, folder / "worlds.csv")] if len(worlds) else []
         drawn = _write_kind_figures(records, trials, folder / "figures")
-        if trials["scenario"].nunique() == 1:
-            files += _write_all(store, records, trials, own, drawn, stale, folder)
-        elif all(record.spec.scenario.map for record in records):  # a mean over different physics would mean nothing
+        if trials["scenario"].nunique() > 1 and all(record.spec.scenario.map for record in records):
             files += write_tables(own, folder / "tables") + drawn + write_map_report(trials, records, folder)
-        elif own:
-            files += _write_kind(store, records, trials, own, drawn, stale, folder)
-        else:
+        elif trials["scenario"].nunique() == 1 or own:
+            files += _write_all(store, records, trials, own, drawn, stale, folder)
+        else:  # a mean over different physics would mean nothing
             files += write_sensitivity(trials, folder)
     return Report(tuple(files), len(records), stale)
 
@@ -77,35 +73,24 @@ def _write_all(
     stale: int,
     folder: Path,
 ) -> list[Path]:
-    """Write what a folder with one set of physical constants gets beside trials.csv.
+    """Write claims, tables, figures and the page; `own` and `drawn` are the tables and the figures of a kind of world.
 
-    `own` and `drawn` are the tables and the figures of its kind of world.
+    Means over worlds, and what follows from them, are written where all trials ran with one set of physical constants.
     """
-    summary, found = summary_table(trials), examined(trials)
-    files = [_write_csv(summary, folder / "summary.csv"), *write_claims(found, folder), *drawn]
-    tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
+    found, tables = examined(trials), own
+    files = [*write_claims(found, folder), *drawn]
+    if trials["scenario"].nunique() == 1:
+        summary = summary_table(trials)
+        files.append(_write_csv(summary, folder / "summary.csv"))
+        tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
+        files += write_survival_figures(trials, folder / "figures")
     files += write_tables(({"claims": overview(found)} if found else {}) | tables, folder / "tables")
     files += write_figures(store, records, folder / "figures")
-    files += write_survival_figures(trials, folder / "figures")
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
-    return [*files, _write_page(store, records, trials, tables, found, files, stale, folder)]
-
-
-def _write_kind(
-    store: Store,
-    records: list[TrialRecord],
-    trials: pd.DataFrame,
-    own: dict[str, Table],
-    drawn: list[Path],
-    stale: int,
-    folder: Path,
-) -> list[Path]:
-    """Write what a folder with several sets of physical constants gets where a kind of world has tables of its own."""
-    found = examined(trials)
-    files = write_claims(found, folder) + drawn
-    files += write_tables(({"claims": overview(found)} if found else {}) | own, folder / "tables")
-    files += write_figures(store, records, folder / "figures")
-    return [*files, _write_page(store, records, trials, own, found, files, stale, folder)]
+    svgs = [file for file in files if file.suffix == ".svg"]
+    sections = (claims_section(found),) if found else ()
+    page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale)
+    return [*files, write_page(page, folder / "report.html")]
 
 
 def _write_kind_figures(records: list[TrialRecord], trials: pd.DataFrame, folder: Path) -> list[Path]:
@@ -117,22 +102,6 @@ def _write_kind_figures(records: list[TrialRecord], trials: pd.DataFrame, folder
             for name, figure in (draw(trials) if draw is not None else {}).items():
                 written += save_all(figure, folder / name)
     return written
-
-
-def _write_page(
-    store: Store,
-    records: list[TrialRecord],
-    trials: pd.DataFrame,
-    tables: Mapping[str, Table],
-    found: dict[Claim, list[Finding]],
-    files: list[Path],
-    stale: int,
-    folder: Path,
-) -> Path:
-    drawn = [file for file in files if file.suffix == ".svg"]
-    sections = (claims_section(found),) if found else ()
-    page = Content(store, records, trials, tuple(tables.values()), drawn, sections, stale)
-    return write_page(page, folder / "report.html")
 
 
 def _write_csv(table: pd.DataFrame, path: Path) -> Path:
