@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Grid
+from explore_bench.geometry import Array
 from explore_bench.robot.lidar.terrain import Terrain, Ways, in_sight
 
 LEAST_LENGTH = 0.5
@@ -72,41 +72,55 @@ def frontiers(terrain: Terrain, ways: Ways, tries: NDArray[np.uint8]) -> list[Fr
     `tries` says how often each cell, shape (rows, columns), was looked at in vain: the first look is from the cheapest
     place, the second from the nearest, since from most places a corner hides the same as before; then it is withheld.
     """
-    grid = terrain.grid
+    columns, cell_size = terrain.grid.columns, terrain.grid.resolution
     mask = frontier_mask(terrain) & (tries < MOST_TRIES)
-    labels, count = ndimage.label(mask, structure=_EIGHT)
-    flat = labels.reshape(-1)
-    cells = np.flatnonzero(flat)
-    order = cells[np.argsort(flat[cells], kind="stable")]
-    ends = np.cumsum(np.bincount(flat[cells], minlength=count + 1)[1:])
-    least = LEAST_LENGTH / grid.resolution
+    labels = ndimage.label(mask, structure=_EIGHT)[0].reshape(-1)
+    cells = np.flatnonzero(labels)
+    cells = cells[np.argsort(labels[cells], kind="stable")]
+    piece_of = pieces_of(cells, labels[cells], columns, PIECE_RADIUS / cell_size, LEAST_LENGTH / cell_size)
     found = []
-    for cluster in np.split(order, ends[:-1]) if count else []:
-        if len(cluster) < least:
-            continue
-        for piece in _pieces(cluster, grid):
-            middle = _middle(piece, grid)
-            again = bool(tries.reshape(-1)[piece].any())
-            goal = look_from(ways.reached, ways.cost, terrain.occupied, middle, LOOK_FROM / grid.resolution, again)
-            if goal >= 0:
-                found.append(Frontier(piece, middle, goal, float(ways.cost[goal])))
+    for number in range(piece_of.max(initial=-1) + 1):
+        piece = cells[piece_of == number]
+        middle = middle_of(piece, columns)
+        again = bool(tries.reshape(-1)[piece].any())
+        goal = look_from(ways.reached, ways.cost, terrain.occupied, middle, LOOK_FROM / cell_size, again)
+        if goal >= 0:
+            found.append(Frontier(piece, middle, goal, float(ways.cost[goal])))
     return sorted(found, key=lambda frontier: frontier.middle)
 
 
-def _pieces(cluster: NDArray[np.int64], grid: Grid) -> list[NDArray[np.int64]]:
-    """Parts of a cluster: around its first cell that is left, until none is."""
-    pieces = []
-    centres = grid.centres(cluster)
-    while len(cluster):
-        near = np.hypot(*(centres - centres[0]).T) <= PIECE_RADIUS
-        pieces.append(cluster[near])
-        cluster, centres = cluster[~near], centres[~near]
+@jit
+def pieces_of(
+    cells: NDArray[np.int64], clusters: NDArray[np.int32], columns: int, reach: float, least: float
+) -> NDArray[np.int64]:
+    """Number of the piece to which each cell belongs, shape (K,); −1 where its cluster has fewer than `least` cells.
+
+    A piece is what lies within `reach` cells of the first cell of a cluster that is left, until none is. Cells come by
+    their clusters.
+    """
+    pieces = np.full(cells.shape[0], -1, dtype=np.int64)
+    count = begin = 0
+    while begin < cells.shape[0]:
+        end = begin
+        while end < cells.shape[0] and clusters[end] == clusters[begin]:
+            end += 1
+        for k in range(begin, end if end - begin >= least else begin):
+            if pieces[k] >= 0:
+                continue
+            for other in range(k, end):
+                rise, run = cells[other] // columns - cells[k] // columns, cells[other] % columns - cells[k] % columns
+                if pieces[other] < 0 and rise * rise + run * run <= reach * reach:
+                    pieces[other] = count
+            count += 1
+        begin = end
     return pieces
 
 
-def _middle(piece: NDArray[np.int64], grid: Grid) -> int:
-    centres: Array = grid.centres(piece)
-    return int(piece[((centres - centres.mean(axis=0)) ** 2).sum(axis=1).argmin()])
+@jit
+def middle_of(piece: NDArray[np.int64], columns: int) -> int:
+    """The cell of a piece that is nearest to their mean."""
+    row, column = (piece // columns).mean(), (piece % columns).mean()
+    return piece[((piece // columns - row) ** 2 + (piece % columns - column) ** 2).argmin()]
 
 
 @jit

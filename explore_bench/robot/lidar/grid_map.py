@@ -57,7 +57,18 @@ class GridMap:
     @property
     def occupied(self) -> NDArray[np.bool_]:
         """Known cells believed occupied."""
-        return np.asarray((self.hits >= OCCUPIED_SHARE * self.passes) & self.known)
+        return occupied_of(self.passes, self.hits, self._known_after)
+
+
+@jit
+def occupied_of(passes: NDArray[np.int32], hits: NDArray[np.int32], known_after: int) -> NDArray[np.bool_]:
+    """Cells to which so many beams came, and OCCUPIED_SHARE of them ended; all shapes are the same."""
+    occupied = np.empty(passes.shape, dtype=np.bool_)
+    for row in range(passes.shape[0]):
+        for column in range(passes.shape[1]):
+            ended = hits[row, column] >= OCCUPIED_SHARE * passes[row, column]
+            occupied[row, column] = ended and passes[row, column] >= known_after
+    return occupied
 
 
 @jit

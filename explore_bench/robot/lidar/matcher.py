@@ -64,6 +64,7 @@ OPEN_SIGMA = 1.0
 
 _LEVELS = 32
 _HALF = math.ceil(2.0 * SMEAR / FIELD_RESOLUTION)
+_ON = math.ceil(SMEAR * math.sqrt(-2.0 * math.log(ON_SURFACE)) / FIELD_RESOLUTION - 0.5)  # cells on a point's surface
 _OFFSETS = np.arange(-_HALF, _HALF + 1) + 0.5 - (np.arange(_LEVELS)[:, None] + 0.5) / _LEVELS
 _KERNEL = np.exp(-0.5 * (_OFFSETS * FIELD_RESOLUTION / SMEAR) ** 2).astype(np.float32)
 """Gaussian along one axis at the cells around a point, by the point's place in its cell: to 0.8 mm, and no exponential
@@ -205,36 +206,46 @@ def smear(
 ) -> None:
     """Write the surfaces of key frames into a field, which is cleared before, and who first saw them; of its shape.
 
+    Cells count along the rows, and are unsigned: numba asks of every other index whether it counts from the end.
+
     Parameters
     ----------
-    points, normals : of all frames one after another, in each frame's own, shapes (S, 2).
-    starts : where each frame's begin, and S; shape (F + 1,).
+    points, normals : of all frames one after another, in each frame's own axes, shapes (S, 2).
+    starts : where those of each frame begin and the last's end, shape (F + 1,).
     poses : estimates of the frames, shape (F, 3).
     viewpoint : about where the scan was taken: of walls seen from their other side it sees nothing.
     """
     field[:] = 0.0
+    values, whose = field.reshape(-1), owners.reshape(-1)
     for frame in range(poses.shape[0]):
         c, s = math.cos(poses[frame, 2]), math.sin(poses[frame, 2])
+        dx, dy = viewpoint[0] - poses[frame, 0], viewpoint[1] - poses[frame, 1]
+        from_x, from_y = c * dx + s * dy, c * dy - s * dx  # the viewpoint in the frame's own axes
+        x0, y0 = poses[frame, 0] - grid.x0, poses[frame, 1] - grid.y0
         for k in range(starts[frame], starts[frame + 1]):
-            x = poses[frame, 0] + c * points[k, 0] - s * points[k, 1]
-            y = poses[frame, 1] + s * points[k, 0] + c * points[k, 1]
-            normal_x, normal_y = c * normals[k, 0] - s * normals[k, 1], s * normals[k, 0] + c * normals[k, 1]
-            if normal_x * (viewpoint[0] - x) + normal_y * (viewpoint[1] - y) < 0.0:
+            x, y = points[k, 0], points[k, 1]
+            if normals[k, 0] * (from_x - x) + normals[k, 1] * (from_y - y) < 0.0:
                 continue
-            u, v = (x - grid.x0) / grid.resolution, (y - grid.y0) / grid.resolution
-            column, row = int(math.floor(u)), int(math.floor(v))
-            if not (_HALF <= row < grid.rows - _HALF and _HALF <= column < grid.columns - _HALF):
+            u, v = (x0 + c * x - s * y) / grid.resolution, (y0 + s * x + c * y) / grid.resolution
+            if not (_HALF <= u < grid.columns - _HALF and _HALF <= v < grid.rows - _HALF):
                 continue
-            if field[row, column] > SAME:
+            column, row = int(u), int(v)
+            cell = np.uint64(row * grid.columns + column)
+            if values[cell] > SAME:
                 continue
             along, up = _KERNEL[int((u - column) * _LEVELS)], _KERNEL[int((v - row) * _LEVELS)]
+            # without branches inside, so that several cells are written at once
+            for i in range(_HALF - _ON, _HALF + _ON + 1):
+                first = cell + np.uint64((i - _HALF) * grid.columns - _ON)
+                for j in range(2 * _ON + 1):
+                    at = first + np.uint64(j)
+                    rises = (values[at] < ON_SURFACE) & (along[_HALF - _ON + j] * up[i] >= ON_SURFACE)
+                    whose[at] = frame if rises else whose[at]
             for i in range(2 * _HALF + 1):
+                first = cell + np.uint64((i - _HALF) * grid.columns - _HALF)
                 for j in range(2 * _HALF + 1):
-                    value = along[j] * up[i]
-                    if value > field[row - _HALF + i, column - _HALF + j]:
-                        if field[row - _HALF + i, column - _HALF + j] < ON_SURFACE:
-                            owners[row - _HALF + i, column - _HALF + j] = frame
-                        field[row - _HALF + i, column - _HALF + j] = value
+                    at, value = first + np.uint64(j), along[j] * up[i]
+                    values[at] = value if value > values[at] else values[at]
 
 
 @jit
@@ -282,20 +293,24 @@ def search(
     """
     steps = int(round(window.reach / (STRIDE * grid.resolution)))
     turns = int(round(window.turn / window.turn_step))
-    samples = np.zeros((2 * turns + 1, 2 * steps + 1, 2 * steps + 1))
+    side = 2 * steps + 1
+    samples = np.zeros((2 * turns + 1, side, side))
     best, best_pose = -np.inf, prediction
-    rows, columns = np.empty(hits.shape[0], dtype=np.int64), np.empty(hits.shape[0], dtype=np.int64)
+    cells = np.empty(hits.shape[0], dtype=np.uint64)
+    values = field.reshape(-1)
     for a in range(2 * turns + 1):
         turn = (a - turns) * window.turn_step
-        kept = _cells_at(hits, prediction, turn, steps * STRIDE, rows, columns, grid)
-        for i in range(2 * steps + 1):
-            for j in range(2 * steps + 1):
-                total = 0.0
-                for k in range(kept):
-                    total += field[rows[k] + STRIDE * (i - steps), columns[k] + STRIDE * (j - steps)]
-                samples[a, i, j] = total / max(hits.shape[0], 1)
+        kept = _cells_at(hits, prediction, turn, steps * STRIDE, cells, grid)
+        for i in range(side):
+            sums = samples[a, i]
+            for k in range(kept):
+                first = cells[k] + np.uint64(STRIDE * i * grid.columns)
+                for j in range(side):  # one sum for each: a single one would wait for every addition
+                    sums[j] += values[first + np.uint64(STRIDE * j)]
+            for j in range(side):
+                sums[j] /= max(hits.shape[0], 1)
                 dx, dy = (j - steps) * STRIDE * grid.resolution, (i - steps) * STRIDE * grid.resolution
-                value = WEIGHT * samples[a, i, j] - 0.5 * _squared(dx, dy, turn, information)
+                value = WEIGHT * sums[j] - 0.5 * _squared(dx, dy, turn, information)
                 if value > best:
                     best = value
                     best_pose = (prediction[0] + dx, prediction[1] + dy, prediction[2] + turn)
@@ -305,15 +320,18 @@ def search(
 
 
 @jit
-def _cells_at(hits: Array, pose: Pose, turn: float, steps: int, rows: Cells, columns: Cells, grid: Grid) -> int:
-    """Cells of a scan's points placed at a turned pose, as far as they stay on the field wherever it is shifted."""
+def _cells_at(hits: Array, pose: Pose, turn: float, margin: int, cells: NDArray[np.uint64], grid: Grid) -> int:
+    """Where a scan's points lie at a turned pose, as far as they stay on the field wherever a search shifts them.
+
+    Returns how many do; `cells` are those `margin` rows and columns before theirs, numbered as in `smear`.
+    """
     c, s = math.cos(pose[2] + turn), math.sin(pose[2] + turn)
     kept = 0
     for k in range(hits.shape[0]):
         column = int(math.floor((pose[0] + c * hits[k, 0] - s * hits[k, 1] - grid.x0) / grid.resolution))
         row = int(math.floor((pose[1] + s * hits[k, 0] + c * hits[k, 1] - grid.y0) / grid.resolution))
-        if steps <= row < grid.rows - steps and steps <= column < grid.columns - steps:
-            rows[kept], columns[kept] = row, column
+        if margin <= row < grid.rows - margin and margin <= column < grid.columns - margin:
+            cells[kept] = (row - margin) * grid.columns + column - margin
             kept += 1
     return kept
 
@@ -387,7 +405,9 @@ def _spread(samples: Array, pose: Pose, prediction: Pose, window: Window, resolu
                 offset[0] = prediction[0] + (j - steps) * resolution - pose[0]
                 offset[1] = prediction[1] + (i - steps) * resolution - pose[1]
                 offset[2] = prediction[2] + (a - turns) * window.turn_step - pose[2]
-                moments += weight * np.outer(offset, offset)
+                for m in range(3):
+                    for n in range(3):
+                        moments[m, n] += weight * (offset[m] * offset[n])
                 total += weight
     moments /= total
     moments[0, 0] += FLOOR[0] ** 2
@@ -404,20 +424,32 @@ def _spread(samples: Array, pose: Pose, prediction: Pose, window: Window, resolu
 
 
 class Matcher:
-    """Matches scans against the surfaces that key frames have seen."""
+    """Matches scans against the surfaces that key frames have seen, numbered from 0."""
 
     def __init__(self, reach: float) -> None:
         side = 2 * int(math.ceil((reach + LOOP.reach) / FIELD_RESOLUTION + 4))
         self._side = side
         self._field = np.zeros((side, side), dtype=np.float32)
         self._owners = np.zeros((side, side), dtype=np.int16)
+        self._points, self._normals = np.empty((0, 2)), np.empty((0, 2))  # of all frames, and room for more
+        self._starts = np.zeros(1, dtype=np.int64)
+
+    def keep(self, frame: Surfaces) -> None:
+        """Keep what a key frame saw: it is the next one."""
+        start = self._starts[-1]
+        end = start + len(frame.points)
+        if end > len(self._points):
+            room = ((0, end), (0, 0))
+            self._points, self._normals = np.pad(self._points, room), np.pad(self._normals, room)
+        self._points[start:end], self._normals[start:end] = frame.points, frame.normals
+        self._starts = np.append(self._starts, end)
 
     def match(
         self,
         hits: Array,
         prediction: Pose,
         information: Array,
-        frames: list[Surfaces],
+        first: int,
         poses: Array,
         window: Window = SEQUENTIAL,
     ) -> Match:
@@ -428,16 +460,14 @@ class Matcher:
         hits : of the scan's `Surfaces`, shape (H, 2).
         prediction, information : where the robot should be, and the inverse of its covariance in the world's axes,
             shape (3, 3); 0 for a search without a prior.
-        frames, poses : what key frames have seen, and their estimates, shape (F, 3).
+        first, poses : the frames' first, and the estimates of all, shape (F, 3).
         """
         grid = self._grid(prediction)
-        points = np.concatenate([frame.points for frame in frames])
-        normals = np.concatenate([frame.normals for frame in frames])
-        starts = np.cumsum([0] + [len(frame.points) for frame in frames])
-        smear(points, normals, starts, poses, prediction, self._field, self._owners, grid)
+        starts = self._starts[first : first + len(poses) + 1]
+        smear(self._points, self._normals, starts, poses, prediction, self._field, self._owners, grid)
         pose, response, covariance = search(hits, prediction, information, window, self._field, grid)
         frame = owner_of(pose, hits, self._field, self._owners, grid)
-        return Match(pose, response, covariance, frame if frame >= 0 else len(frames) - 1)
+        return Match(pose, response, covariance, first + frame if frame >= 0 else first + len(poses) - 1)
 
     def _grid(self, centre: Pose) -> Grid:
         half = 0.5 * self._side * FIELD_RESOLUTION

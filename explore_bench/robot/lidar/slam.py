@@ -86,10 +86,9 @@ class Slam:
         self._joined: list[list[int]] = [[]]
         self.closures: list[Link] = []
         self.unmatched = self.refreshed = 0
-        self._frames: list[Surfaces] = []
         self._ranges: list[Array] = []
         self._placed: list[Pose] = []
-        self._keep(scan, start)
+        self._keep(scan, start, surfaces_of(scan.ranges, scenario.sensor_range))
         self._last_match: Array | None = np.zeros(3)  # variances along, across and of the heading
         self.refresh()
 
@@ -118,7 +117,7 @@ class Slam:
             surfaces.hits,
             prediction,
             np.asarray(np.linalg.inv(doubt), dtype=float),
-            self._frames[first:],
+            first,
             self.poses[first:],
             search_window(noise),
         )
@@ -133,7 +132,7 @@ class Slam:
         step = noise + MATCH_COVARIANCE if found else noise
         self._link(Link(newest - 1, newest, between(last, pose), step))
         if found:
-            self._link_match(anchor_at(first + match.frame, newest), match)
+            self._link_match(anchor_at(match.frame, newest), match)
         self._keep(scan, pose, surfaces)
         self._tail.advance(between(last, pose), step)
         if found:
@@ -163,8 +162,9 @@ class Slam:
         self.refreshed += 1
         self._refreshed_at = newest
 
-    def _keep(self, scan: RangeScan, pose: Pose, surfaces: Surfaces | None = None) -> None:
-        self._frames.append(surfaces or surfaces_of(scan.ranges, self.scenario.sensor_range))
+    def _keep(self, scan: RangeScan, pose: Pose, surfaces: Surfaces) -> None:
+        self._matcher.keep(surfaces)
+        self._hits = surfaces.hits
         self._ranges.append(scan.ranges)
         self._placed.append(pose)
         self.map.insert(pose, scan.ranges)
@@ -194,15 +194,14 @@ class Slam:
 
     def _look_back(self, window_start: int) -> float:
         """Match the newest scan with what earlier key poses saw near by; returns the largest move of a key pose [m]."""
-        newest = len(self.poses) - 1
         shift = 0.0
         for chain in chains_due(self.poses, self._joined, window_start):
             pose = self.pose
             match = self._matcher.match(
-                self._frames[newest].hits,
+                self._hits,
                 pose,
                 np.zeros((3, 3)),
-                self._frames[chain.first : chain.end],
+                chain.first,
                 self.poses[chain.first : chain.end],
                 SEQUENTIAL if chain.linked else LOOP,
             )
@@ -213,9 +212,7 @@ class Slam:
             if math.hypot(match.pose[0] - pose[0], match.pose[1] - pose[1]) > LOOP_CORRECTION:
                 continue
             covariance = match.covariance + np.diag(np.square(CHAIN_SIGMAS))
-            link = self._link_match(
-                chain.first + match.frame, match._replace(covariance=covariance), robust=not chain.linked
-            )
+            link = self._link_match(match.frame, match._replace(covariance=covariance), robust=not chain.linked)
             if not chain.linked:
                 self.closures.append(link)
             before, self.poses = self.poses, self._graph.optimize()

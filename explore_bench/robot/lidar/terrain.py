@@ -70,29 +70,41 @@ class Ways:
 
 @jit
 def clearance_of(occupied: NDArray[np.bool_], resolution: float, most: float) -> Array:
-    """Distance from each cell's centre to that of the nearest occupied cell [m], at most `most`, shape as given."""
+    """Distance from each cell's centre to that of the nearest occupied cell [m], at most `most`, shape as given.
+
+    First along the columns, then, of the squares, along the rows (Saito and Toriwaki 1994); no farther than `most`.
+    """
     rows, columns = occupied.shape
     reach = int(math.ceil(most / resolution))
-    squares = np.full((rows, columns), most * most / (resolution * resolution))
+    far = 2 * (reach + 1) * (reach + 1)
+    distances = np.empty(far + 1)
+    for square in range(far + 1):
+        distances[square] = min(math.sqrt(square) * resolution, most)
+    along = np.full((rows, columns), np.int16(reach + 1))
     for row in range(rows):
         for column in range(columns):
-            if not occupied[row, column]:
-                continue
-            inside = 0 < row < rows - 1 and 0 < column < columns - 1
-            if inside and (
-                occupied[row - 1, column]
-                and occupied[row + 1, column]
-                and occupied[row, column - 1]
-                and occupied[row, column + 1]
-            ):
-                squares[row, column] = 0.0
-                continue  # what lies around is nearer to one of these
-            for i in range(max(row - reach, 0), min(row + reach + 1, rows)):
-                for j in range(max(column - reach, 0), min(column + reach + 1, columns)):
-                    square = float((i - row) * (i - row) + (j - column) * (j - column))
-                    if square < squares[i, j]:
-                        squares[i, j] = square
-    return np.sqrt(squares) * resolution
+            if occupied[row, column]:
+                along[row, column] = 0
+            elif row > 0:
+                along[row, column] = min(along[row, column], along[row - 1, column] + 1)
+    for row in range(rows - 2, -1, -1):
+        for column in range(columns):
+            along[row, column] = min(along[row, column], along[row + 1, column] + 1)
+    clearance = np.empty((rows, columns))
+    squares = np.full(columns + 2 * reach, np.int16(far))
+    nearest = np.empty(columns, dtype=np.int16)
+    for row in range(rows):
+        for column in range(columns):
+            squares[column + reach] = along[row, column] * along[row, column]
+        nearest[:] = far
+        for offset in range(2 * reach + 1):
+            across = np.int16((offset - reach) * (offset - reach))
+            for column in range(columns):
+                square = np.int16(squares[column + offset] + across)
+                nearest[column] = square if square < nearest[column] else nearest[column]
+        for column in range(columns):
+            clearance[row, column] = distances[nearest[column]]
+    return clearance
 
 
 @jit
@@ -104,50 +116,63 @@ def spread(free: NDArray[np.bool_], price: Array, start: int) -> tuple[Array, ND
     can make another cheaper, so they may come in any order.
     """
     rows, columns = free.shape
-    cells = free.size
-    prices = price.reshape(-1)
-    width = prices.min()
-    ring = int(SQRT2 * prices.max() / width) + 2
-    cost = np.full(cells, np.inf)
-    parent = np.full(cells, -1, dtype=np.int64)
-    closed = np.zeros(cells, dtype=np.bool_)
+    wide = columns + 2
+    half = np.full(
+        (rows + 2) * wide, np.inf
+    )  # of the price; cells that may not be entered, as all around, are too dear
+    cheapest, dearest = np.inf, 0.0
+    for row in range(rows):
+        for column in range(columns):
+            cheapest, dearest = min(cheapest, price[row, column]), max(dearest, price[row, column])
+            if free[row, column] or row * columns + column == start:
+                half[(row + 1) * wide + column + 1] = 0.5 * price[row, column]
+    steps = np.array([-wide - 1, -wide, -wide + 1, -1, 1, wide - 1, wide, wide + 1])
+    cost = np.full(half.shape[0], np.inf)
+    parent = np.full(half.shape[0], -1, dtype=np.int32)
+    closed = np.zeros(half.shape[0], dtype=np.bool_)
     # buckets are chains of entries: the first of each, and after each entry the next
-    first = np.full(ring, -1, dtype=np.int64)
-    following = np.empty(8 * cells + 1, dtype=np.int64)
-    held = np.empty(8 * cells + 1, dtype=np.int64)
-    cost[start] = 0.0
-    held[0], following[0], first[0] = start, -1, 0
-    entries, waiting, bucket = 1, 1, 0
+    buckets_per_cost = 1.0 / cheapest
+    ring = int(SQRT2 * dearest * buckets_per_cost) + 2
+    first = np.full(ring, -1, dtype=np.int32)
+    following = np.empty(8 * free.size + 1, dtype=np.int32)
+    held = np.empty(8 * free.size + 1, dtype=np.int32)
+    begin = (start // columns + 1) * wide + start % columns + 1
+    cost[begin] = 0.0
+    held[0], following[0], first[0] = begin, -1, 0
+    entries, waiting, bucket, place = 1, 1, 0, 0
     while waiting > 0:
-        while first[bucket % ring] < 0:
-            bucket += 1
-        entry = first[bucket % ring]
-        first[bucket % ring] = following[entry]
+        while first[place] < 0:
+            bucket, place = bucket + 1, (place + 1 if place + 1 < ring else 0)
+        entry = first[place]
+        first[place] = following[entry]
         waiting -= 1
         cell = held[entry]
         if closed[cell]:
             continue
         closed[cell] = True
-        row, column = cell // columns, cell % columns
-        for i in range(-1, 2):
-            if not 0 <= row + i < rows:
+        for k in range(8):
+            neighbour = cell + steps[k]
+            diagonal = k == 0 or k == 2 or k == 5 or k == 7
+            through = cost[cell] + (SQRT2 if diagonal else 1.0) * (half[cell] + half[neighbour])
+            if not through < cost[neighbour] - 1e-12:
                 continue
-            for j in range(-1, 2):
-                if not 0 <= column + j < columns or not free[row + i, column + j]:
-                    continue
-                neighbour = cell + i * columns + j
-                if closed[neighbour] or (i != 0 and j != 0 and not (free[row + i, column] and free[row, column + j])):
-                    continue
-                length = SQRT2 if i != 0 and j != 0 else 1.0
-                through = cost[cell] + 0.5 * length * (prices[cell] + prices[neighbour])
-                if through < cost[neighbour] - 1e-12:
-                    cost[neighbour] = through
-                    parent[neighbour] = cell
-                    place = int(through / width) % ring
-                    held[entries], following[entries], first[place] = neighbour, first[place], entries
-                    entries += 1
-                    waiting += 1
-    return cost, parent
+            beside = -wide if k < 3 else wide
+            if diagonal and half[cell + beside] + half[neighbour - beside] == np.inf:
+                continue
+            cost[neighbour] = through
+            parent[neighbour] = cell
+            to = place + int(through * buckets_per_cost) - bucket
+            to = to - ring if to >= ring else to
+            held[entries], following[entries], first[to] = neighbour, first[to], entries
+            entries += 1
+            waiting += 1
+    costs, parents = np.empty(free.size), np.empty(free.size, dtype=np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            cell, at = row * columns + column, (row + 1) * wide + column + 1
+            costs[cell] = cost[at]
+            parents[cell] = (parent[at] // wide - 1) * columns + parent[at] % wide - 1 if parent[at] >= 0 else -1
+    return costs, parents
 
 
 @jit

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.geometry import Array, Pose, compose
+from explore_bench.compiled import jit
+from explore_bench.geometry import Pose, compose
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.lidar.frontiers import Frontier
 from explore_bench.robot.lidar.local_planner import local_planner
@@ -287,16 +288,39 @@ class _Truth:
         grid = scenario.map_grid
         share = round(scenario.map_resolution / scenario.resolution)
 
-        def blocks(cells: NDArray[np.bool_]) -> Array:
-            return np.asarray(cells.reshape(grid.rows, share, grid.columns, share).sum(axis=(1, 3)), dtype=float)
+        def blocks(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
+            return np.asarray(cells.reshape(grid.rows, share, grid.columns, share).sum(axis=(1, 3)), dtype=np.int64)
 
         self._counted = blocks(world.counted)
-        self._total = self._counted.sum()
+        self._total = int(self._counted.sum())
         obstacles = blocks(world.obstacles)
         self._solid, self._open = obstacles == share * share, obstacles == 0
 
     def explored(self, known: NDArray[np.bool_]) -> float:
-        return float(self._counted[known].sum() / self._total)
+        return float(covered(known, self._counted) / self._total)
 
     def mislabelled(self, known: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> int:
-        return int(np.count_nonzero(known & np.where(occupied, self._open, self._solid)))
+        return int(mislabelled(known, occupied, self._solid, self._open))
+
+
+@jit
+def covered(known: NDArray[np.bool_], counted: NDArray[np.int64]) -> int:
+    """Sum of what known cells count; shapes are the same."""
+    total = 0
+    for row in range(known.shape[0]):
+        for column in range(known.shape[1]):
+            total += counted[row, column] if known[row, column] else 0
+    return total
+
+
+@jit
+def mislabelled(
+    known: NDArray[np.bool_], occupied: NDArray[np.bool_], solid: NDArray[np.bool_], open_: NDArray[np.bool_]
+) -> int:
+    """Known cells that are believed occupied but open in truth, or free but solid; shapes are the same."""
+    total = 0
+    for row in range(known.shape[0]):
+        for column in range(known.shape[1]):
+            wrong = open_[row, column] if occupied[row, column] else solid[row, column]
+            total += known[row, column] and wrong
+    return total

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lidar_worlds import cluttered, drawn, ranges_at, surfaces_at
+from lidar_worlds import cluttered, drawn, surfaces_at
 
 from explore_bench.geometry import Grid, between
 from explore_bench.robot.lidar.matcher import (
@@ -30,7 +30,15 @@ def matched(world, seen_from, taken_at, prediction, information=NO_PRIOR, reach=
     rng = np.random.default_rng(seed)
     frames = [surfaces_at(world, pose, reach, SIGMA, rng) for pose in seen_from]
     hits = surfaces_at(world, taken_at, reach, SIGMA, rng).hits
-    return Matcher(reach).match(hits, prediction, information, frames, np.array(seen_from), **options)
+    return match_with(frames, seen_from, hits, prediction, information, reach=reach, **options)
+
+
+def match_with(frames, poses, hits, prediction, information=NO_PRIOR, reach=10.0, **options):
+    """Match of a scan with frames at these poses."""
+    matcher = Matcher(reach)
+    for frame in frames:
+        matcher.keep(frame)
+    return matcher.match(hits, prediction, information, 0, np.array(poses), **options)
 
 
 def off(pose, x, y, heading):
@@ -112,13 +120,13 @@ def field_of(frames, poses, viewpoint, side=400):
     starts = np.cumsum([0] + [len(f.points) for f in frames])
     owners = np.zeros((side, side), dtype=np.int16)
     smear(points, normals, starts, np.array(poses, dtype=float), viewpoint, field, owners, grid)
-    return field, grid
+    return field, owners, grid
 
 
 def test_the_field_of_a_point_is_a_gaussian_around_it():
     point = np.array([[0.613, -0.207]])
     frame = Surfaces(point, point, np.zeros((1, 2)))
-    field, grid = field_of([frame], [(1.0, 0.5, math.pi / 2)], (0.0, 0.0, 0.0))
+    field, _, grid = field_of([frame], [(1.0, 0.5, math.pi / 2)], (0.0, 0.0, 0.0))
     x, y = 1.0 + 0.207, 0.5 + 0.613
     away = np.hypot(*(grid.centres() - (x, y)).T).reshape(field.shape)
     expected = np.exp(-0.5 * (away / SMEAR) ** 2)
@@ -130,7 +138,7 @@ def test_the_field_of_a_point_is_a_gaussian_around_it():
 
 def test_where_two_surfaces_meet_the_nearer_one_counts():
     points = np.array([[0.0, 0.0], [0.06, 0.0]])
-    both, _ = field_of([Surfaces(points, points, np.zeros((2, 2)))], [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0))
+    both, *_ = field_of([Surfaces(points, points, np.zeros((2, 2)))], [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0))
     singles = [
         field_of([Surfaces(p, p, np.zeros((1, 2)))], [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0))[0]
         for p in (points[:1], points[1:])
@@ -140,7 +148,7 @@ def test_where_two_surfaces_meet_the_nearer_one_counts():
 
 def test_a_scan_s_response_is_the_mean_over_its_points():
     wall = np.column_stack((np.full(41, 1.0), np.linspace(-1.0, 1.0, 41)))
-    field, grid = field_of([Surfaces(wall, wall, np.zeros((41, 2)))], [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0))
+    field, _, grid = field_of([Surfaces(wall, wall, np.zeros((41, 2)))], [(0.0, 0.0, 0.0)], (0.0, 0.0, 0.0))
     on = np.array([[1.0, 0.3], [1.0, -0.4]])
     full = response((0.0, 0.0, 0.0), on, field, grid)
     assert full > 0.9
@@ -207,7 +215,7 @@ def test_a_scan_10_m_from_every_wall_does_not_lock_onto_the_beads():
         hits = surfaces_at(world, truth, 12.0, SIGMA, rng).hits
         bare = Surfaces(frame.hits, frame.hits, np.zeros_like(frame.hits))
         for errors, given in ((filled, frame), (beads, bare)):
-            match = Matcher(12.0).match(hits, truth, NO_PRIOR, [given], np.array([seen_from]))
+            match = match_with([given], [seen_from], hits, truth, reach=12.0)
             errors.append(error(match, truth)[0])
     assert max(filled) < 0.01, filled
     assert np.mean(beads) > 2.0 * np.mean(filled)
@@ -240,7 +248,7 @@ def test_the_covariance_of_a_slanted_corridor_stretches_along_it():
     frames = [surfaces_at(CORRIDOR, pose, 5.0, SIGMA, rng) for pose in seen_from]
     hits = surfaces_at(CORRIDOR, (7.0, 7.0, 0.0), 5.0, SIGMA, rng).hits
     *poses, truth = [(c * x - s * y, s * x + c * y, heading + turn) for x, y, heading in (*seen_from, (7.0, 7.0, 0.0))]
-    match = Matcher(5.0).match(hits, truth, NO_PRIOR, frames, np.array(poses))
+    match = match_with(frames, poses, hits, truth, reach=5.0)
     values, axes = np.linalg.eigh(match.covariance[:2, :2])
     assert values[1] > 100.0 * values[0]
     assert abs(axes[:, 1] @ (c, s)) > 0.999
@@ -287,18 +295,17 @@ THIN = drawn(8.0, (0.0, 8.0, 3.95, 4.05))
 def test_a_thin_wall_attracts_nothing_from_its_other_side():
     below, above = (4.0, 3.0, 0.0), (4.0, 5.0, 0.0)
     frame = surfaces_at(THIN, below, 2.5)
-    same, grid = field_of([frame], [(0.0, -1.0, 0.0)], (0.5, -1.2, 0.0))
-    other, _ = field_of([frame], [(0.0, -1.0, 0.0)], (0.0, 1.0, 0.0))
+    same, _, grid = field_of([frame], [(0.0, -1.0, 0.0)], (0.5, -1.2, 0.0))
+    other, *_ = field_of([frame], [(0.0, -1.0, 0.0)], (0.0, 1.0, 0.0))
     wall = np.abs(grid.centres()[:, 1] + 0.05).reshape(same.shape) < 0.03
     assert same[wall].max() > 0.9
     assert not other[wall].any()
     rng = np.random.default_rng(0)
     hits = surfaces_at(THIN, above, 2.5, SIGMA, rng).hits
-    nowhere = Matcher(2.5).match(hits, above, NO_PRIOR, [frame], np.array([below]))
+    nowhere = match_with([frame], [below], hits, above, reach=2.5)
     assert nowhere.response < 0.02
-    beside = Matcher(2.5).match(
-        hits, above, NO_PRIOR, [frame, surfaces_at(THIN, (4.5, 5.0, 1.0), 2.5)], np.array([below, (4.5, 5.0, 1.0)])
-    )
+    seen = surfaces_at(THIN, (4.5, 5.0, 1.0), 2.5)
+    beside = match_with([frame, seen], [below, (4.5, 5.0, 1.0)], hits, above, reach=2.5)
     assert abs(beside.pose[1] - above[1]) < 0.005
 
 
@@ -319,13 +326,13 @@ def test_a_scan_of_another_place_matches_little():
     frame = surfaces_at(here, (5.0, 5.0, 0.0), 4.0)
     hits = surfaces_at(there, (5.0, 5.0, 0.0), 4.0).hits
     pose = (5.0, 5.0, 0.0)
-    assert Matcher(4.0).match(hits, pose, NO_PRIOR, [frame], np.array([pose]), LOOP).response < 0.6
+    assert match_with([frame], [pose], hits, pose, reach=4.0, window=LOOP).response < 0.6
 
 
 def test_a_scan_of_nothing_matches_nothing_and_moves_nowhere():
     frame = surfaces_at(THIN, (4.0, 3.0, 0.0))
     pose = (4.0, 3.0, 0.0)
-    match = Matcher(10.0).match(np.empty((0, 2)), pose, PRIOR, [frame], np.array([pose]))
+    match = match_with([frame], [pose], np.empty((0, 2)), pose, PRIOR)
     assert match.response == 0.0
     assert match.pose == pytest.approx(pose)
 
@@ -370,17 +377,42 @@ def test_equal_scans_give_equal_matches():
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
-def test_a_matcher_keeps_nothing_of_the_last_match():
-    world, truth = cluttered(seed=1, clear=[(5.0, 5.0)]), (5.0, 5.0, 0.0)
-    frame = surfaces_at(world, truth)
+def test_a_match_looks_only_at_the_frames_that_it_is_given():
+    """Others, kept before and after them, change nothing, and neither does what was matched before."""
+    world, pose = cluttered(seed=1, clear=[(5.0, 5.0)]), (5.0, 5.0, 0.0)
+    frames = [surfaces_at(world, (5.0, 5.0 + 0.1 * k, 0.0)) for k in range(3)]
+    poses = np.array([(5.0, 5.0 + 0.1 * k, 0.0) for k in range(3)])
+    other = surfaces_at(cluttered(seed=2, clear=[(5.0, 5.0)]), pose)
     used = Matcher(10.0)
-    other = surfaces_at(cluttered(seed=2, clear=[(5.0, 5.0)]), truth)
-    used.match(other.hits, truth, NO_PRIOR, [other], np.array([truth]))
-    again = used.match(frame.hits, truth, NO_PRIOR, [frame], np.array([truth]))
-    fresh = Matcher(10.0).match(frame.hits, truth, NO_PRIOR, [frame], np.array([truth]))
-    assert again.pose == fresh.pose
-    assert again.response == fresh.response
-    assert ranges_at(world, truth).min() > 0.3
+    for frame in (other, other, *frames, other):
+        used.keep(frame)
+    used.match(other.hits, pose, NO_PRIOR, 0, np.array([pose, pose]))
+    again = used.match(frames[0].hits, pose, NO_PRIOR, 2, poses)
+    alone = match_with(frames, poses, frames[0].hits, pose)
+    assert again.pose == alone.pose
+    assert again.response == alone.response
+    assert again.frame == alone.frame + 2
+
+
+def test_the_field_is_the_highest_of_all_bells_and_its_owner_who_first_reached_half():
+    rng = np.random.default_rng(0)
+    frames = [Surfaces(points, points, np.zeros_like(points)) for points in rng.uniform(-0.4, 0.4, (5, 12, 2))]
+    poses = [(0.1 * k, 0.05 * k, 0.3 * k) for k in range(5)]
+    field, owners, grid = field_of(frames, poses, (0.0, 0.0, 0.0))
+    bells = []
+    for (x, y, heading), frame in zip(poses, frames, strict=True):
+        c, s = math.cos(heading), math.sin(heading)
+        places = frame.points @ np.array([[c, s], [-s, c]]) + (x, y)
+        away = np.abs(grid.centres()[:, None] - places[None])
+        bell = np.exp(-0.5 * (away**2).sum(axis=2) / SMEAR**2)
+        bells.append(np.where((away < 0.11).all(axis=2), bell, 0.0).max(axis=1).reshape(field.shape))
+    near = np.maximum.accumulate(bells)
+    assert np.abs(field - near[-1])[(near[-1] > 0.2) & (near[-1] < 0.97)].max() < 0.05
+    sure = near[-1] > 0.6
+    first = (near > 0.5).argmax(axis=0)
+    clear = sure & (np.abs(near - 0.5) > 0.04).all(axis=0)
+    assert clear.sum() > 100
+    np.testing.assert_array_equal(owners[clear], first[clear])
 
 
 def test_no_climb_leaves_the_window_wherever_the_scan_is():
@@ -390,6 +422,6 @@ def test_no_climb_leaves_the_window_wherever_the_scan_is():
     for _ in range(60):
         frame = Surfaces(*(part[: rng.integers(1, 12)] for part in room))
         pose = (*rng.uniform(-4.0, 4.0, 2).tolist(), float(rng.uniform(-3.0, 3.0)))
-        match = Matcher(5.0).match(frame.hits, pose, NO_PRIOR, [room], np.zeros((1, 3)), LOOP)
+        match = match_with([room], np.zeros((1, 3)), frame.hits, pose, reach=5.0, window=LOOP)
         assert math.hypot(match.pose[0] - pose[0], match.pose[1] - pose[1]) <= 1.2
         assert np.isfinite(match.covariance).all()
