@@ -1,4 +1,6 @@
-"""The compared strategies with label, colour, tables and weights. An ablation is a line, not a class.
+"""The compared strategies with label, tables and weights, and in `colors.py` their colours.
+
+An ablation is a line, not a class.
 
 `paper.csv` holds what Tables 2 and 3 of Zhang et al. 2021 print. Graph-STNN's e differs between the two, so a value
 is keyed by its table. `weights/` holds what `explore-bench train` made: NAME-SEED.safetensors, each with a card.
@@ -12,6 +14,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+from baselines.colors import COLORS
 from explore_bench import Entry, Published
 
 WEIGHTS = Path(__file__).with_name("weights")
@@ -45,49 +48,45 @@ _STNN, _GCN, _TRAINER = (
 STRATEGIES: dict[str, Entry] = {}
 
 
-def _add(name: str, factory: str, label: str, color: str, tables: tuple[str, ...], **options: Any) -> None:
-    STRATEGIES[name] = Entry(factory, label, color, tables=tables, published=_PAPER[name], **options)
+def _add(name: str, factory: str, label: str, tables: tuple[str, ...], **options: Any) -> None:
+    STRATEGIES[name] = Entry(factory, label, COLORS[name], tables=tables, published=_PAPER[name], **options)
 
 
-def _learned(name: str, factory: str, label: str, color: str, tables: tuple[str, ...], **options: Any) -> None:
-    _add(name, factory, label, color, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
+def _learned(name: str, factory: str, label: str, tables: tuple[str, ...], **options: Any) -> None:
+    _add(name, factory, label, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
 
 
-_learned("graph-stnn", _STNN, "Graph-STNN", "#d62728", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16))
-_learned(
-    "graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", "#ff7f0e", _TABLE2, suites=_PLANS
-)
-_learned("graph-stnn-path", _STNN, "Graph-STNN, path length", "#f7b6d2", _TABLE2, parameters={"distance": "path"})
-_learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", "#ff9896", _LAYERS, parameters={"layers": 1})
-_learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", "#98df8a", _LAYERS, parameters={"layers": 3})
+_learned("graph-stnn", _STNN, "Graph-STNN", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16))
+_learned("graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", _TABLE2, suites=_PLANS)
+_learned("graph-stnn-path", _STNN, "Graph-STNN, path length", _TABLE2, parameters={"distance": "path"})
+_learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", _LAYERS, parameters={"layers": 1})
+_learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", _LAYERS, parameters={"layers": 3})
 _learned(
     "gcn-no-obs",
     _GCN,
     "GCN-no_obs",
-    "#6baed6",
     _TABLE2,
     parameters={"obstacles": False},
     training={"obstacle_count": 0},
 )
-_learned("gcn-obs", _GCN, "GCN-obs", "#1f77b4", _TABLE2)
-_learned("gcn-obs-blind", _GCN, "GCN-obs, blind", "#393b79", _TABLE2, parameters={"obstacles": False})
-for _name, _color, _off in (
-    ("no-state", "#9467bd", ("state",)),
-    ("no-temporal", "#e377c2", ("temporal",)),
-    ("no-spatial", "#8c564b", ("spatial",)),
-    ("no-temporal-state", "#bcbd22", ("temporal", "state")),
-    ("no-spatial-state", "#17becf", ("spatial", "state")),
-    ("no-spatial-temporal", "#aec7e8", ("spatial", "temporal")),
+_learned("gcn-obs", _GCN, "GCN-obs", _TABLE2)
+_learned("gcn-obs-blind", _GCN, "GCN-obs, blind", _TABLE2, parameters={"obstacles": False})
+for _name, _off in (
+    ("no-state", ("state",)),
+    ("no-temporal", ("temporal",)),
+    ("no-spatial", ("spatial",)),
+    ("no-temporal-state", ("temporal", "state")),
+    ("no-spatial-state", ("spatial", "state")),
+    ("no-spatial-temporal", ("spatial", "temporal")),
 ):
-    _learned(_name, _STNN, f"no {' and '.join(_off)}", _color, _TABLE3, parameters=dict.fromkeys(_off, False))
-_add("entropy", "baselines.entropy:Entropy", "Entropy", "#e69f00", _TABLE2, suites=_PLANS)
-_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", "#009e73", _TABLE2)
-_add("random", "baselines.random_walk:Random", "Random", "#7f7f7f", _TABLE2, suites=_PLANS)
+    _learned(_name, _STNN, f"no {' and '.join(_off)}", _TABLE3, parameters=dict.fromkeys(_off, False))
+_add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=_PLANS)
+_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", _TABLE2)
+_add("random", "baselines.random_walk:Random", "Random", _TABLE2, suites=_PLANS)
 _add(
     "nearest",
     "baselines.nearest:Nearest",
     "Nearest",
-    "#b07aa1",
     _TABLE2,
     baseline=True,
     suites=(*_PLANS, *_FIGURE16),
@@ -96,7 +95,6 @@ _add(
     "clairvoyant",
     "baselines.clairvoyant:Clairvoyant",
     "Clairvoyant",
-    "#000000",
     _TABLE2,
     reference=True,
     kinds=("landmark",),

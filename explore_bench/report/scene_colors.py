@@ -1,6 +1,6 @@
 """Colours of a moment of a trial, in figures and in the page's player alike.
 
-Those of strategies are in their entries: `baselines/catalogue.py`.
+Those of strategies are in `baselines/colors.py`.
 """
 
 from __future__ import annotations

@@ -78,9 +78,9 @@ def clearance_of(occupied: NDArray[np.bool_], resolution: float, most: float) ->
     reach = int(math.ceil(most / resolution))
     far = 2 * (reach + 1) * (reach + 1)
     distances = np.empty(far + 1)
-    for square in range(far + 1):
-        distances[square] = min(math.sqrt(square) * resolution, most)
-    along = np.full((rows, columns), np.int16(reach + 1))
+    for k in range(far + 1):
+        distances[k] = min(math.sqrt(k) * resolution, most)
+    along = np.full((rows, columns), reach + 1, dtype=np.int16)
     for row in range(rows):
         for column in range(columns):
             if occupied[row, column]:
@@ -91,7 +91,7 @@ def clearance_of(occupied: NDArray[np.bool_], resolution: float, most: float) ->
         for column in range(columns):
             along[row, column] = min(along[row, column], along[row + 1, column] + 1)
     clearance = np.empty((rows, columns))
-    squares = np.full(columns + 2 * reach, np.int16(far))
+    squares = np.full(columns + 2 * reach, far, dtype=np.int16)
     nearest = np.empty(columns, dtype=np.int16)
     for row in range(rows):
         for column in range(columns):
