@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Pose
+from explore_bench.geometry import Array, Pose, between
 
 
 class TailFilter:
@@ -134,6 +134,16 @@ def adjoint_of_inverse(motion: Pose) -> Array:
     c, s = math.cos(turn), math.sin(turn)
     # the error (u, v, w) moves the end of the motion by (u, v) + w × (x, y), seen from the turned frame
     return np.array([[c, s, s * x - c * y], [-s, c, s * y + c * x], [0.0, 0.0, 1.0]])
+
+
+@jit
+def betweens(origins: Array, poses: Array) -> Array:
+    """Poses as seen from as many origins, `geometry.between` of each pair, shapes (K, 3)."""
+    motions = np.empty(poses.shape)
+    for k in range(poses.shape[0]):
+        origin = (origins[k, 0], origins[k, 1], origins[k, 2])
+        motions[k] = np.array(between(origin, (poses[k, 0], poses[k, 1], poses[k, 2])))
+    return motions
 
 
 def rotated(covariance: Array, angle: float) -> Array:

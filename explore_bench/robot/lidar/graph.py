@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from explore_bench.geometry import Array, Pose, between, compose, wrap_angle
+from explore_bench.geometry import Array, Pose, compose, wrap_angle
 from explore_bench.geometry.rays import cast, leaps
 from explore_bench.robot.belief import Belief, FineMap, peak_traces
 from explore_bench.robot.lidar.closures import chains_due
 from explore_bench.robot.lidar.decision_grid import cells_in_view, patch_reach, seen_patch
-from explore_bench.robot.lidar.filtering import smoothed, turns_of
+from explore_bench.robot.lidar.filtering import betweens, smoothed, turns_of
 from explore_bench.robot.lidar.odometry import OdometryModel
-from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, Posterior
+from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, Posterior, rows_of
 from explore_bench.robot.lidar.slam import (
     KEY_DISTANCE,
     KEY_TURN,
@@ -73,9 +74,8 @@ class LidarPrediction:
         seen = np.any(virtual != prior_of(scenario), axis=1)
         used = key_poses(np.concatenate((belief.poses, self.poses)), scenario.key_pose_spacing)
         past = len(belief.poses)
-        reach = patch_reach(scenario)
-        middle = (reach + 0.5) * scenario.cell_size
-        patches = [seen_patch(ranges, scenario.sensor_range, scenario.cell_size, reach) for ranges in self._scans()]
+        middle = (patch_reach(scenario) + 0.5) * scenario.cell_size
+        patches = [self.graph.patch(scenario, _pose(pose)) for pose in self.poses]
         fuse_poses(
             virtual,
             seen,
@@ -88,13 +88,6 @@ class LidarPrediction:
             np.tile((middle, middle, 0.0), (len(patches), 1)),
         )
         return virtual.reshape(belief.virtual_map.shape)
-
-    def _scans(self) -> list[Array]:
-        reach, fine = self.belief.scenario.sensor_range, self.graph.fine
-        return [
-            cast((x, y, heading), EXPECTED_BEAMS, reach, fine.occupied, self.graph.leaps, fine.grid)
-            for x, y, heading in self.poses.tolist()
-        ]
 
     @cached_property
     def uncertainty(self) -> float:
@@ -133,8 +126,8 @@ class LidarGraph:
     def predict(self, belief: Belief, places: Array) -> LidarPrediction:
         """Propagate the belief along places [m] to drive through in order, shape (P, 2)."""
         poses = _key_poses(belief.pose, places)
-        links, closures = self._expected(belief, poses)
-        return LidarPrediction(belief, self, poses, closures, self._covariances(belief, poses, links))
+        links = self._expected(belief, poses)
+        return LidarPrediction(belief, self, poses, links.closures, self._covariances(belief, poses, links))
 
     @cached_property
     def _posterior(self) -> Posterior:
@@ -145,21 +138,19 @@ class LidarGraph:
             graph.add_link(link)
         return graph.posterior()
 
-    def _covariances(self, belief: Belief, poses: Array, links: list[Link]) -> Array:
+    def _covariances(self, belief: Belief, poses: Array, links: _Expected) -> Array:
         """Marginals in the world frame of the past key poses and the predicted ones, shape (N + K, 3, 3).
 
         Exact at the cost of a filter over the poses to which a link leads: what these learn is then carried over to
-        all others, with which they are correlated. `links` come by their later pose, odometry first.
+        all others, with which they are correlated.
         """
         past = len(belief.poses)
-        tied = sorted({link.earlier for link in links if link.earlier < past})
+        tied = np.unique(links.ends[links.ends < past])
         size = 3 * len(tied)
-        columns = self._posterior.columns(tied)
-        before = columns[np.add.outer(3 * np.array(tied), np.arange(3)).ravel()]
-        place = {number: i for i, number in enumerate([*tied, *range(past, past + len(poses))])}
-        ends = np.array([(place[link.earlier], place[link.later]) for link in links])
-        covariances = np.array([link.covariance for link in links])
-        after = smoothed(before, ends, np.array([link.motion for link in links]), covariances)
+        columns = self._posterior.columns(tied.tolist())
+        before = columns[rows_of(tied)]
+        places = np.searchsorted(np.concatenate((tied, np.arange(past, past + len(poses)))), links.ends)
+        after = smoothed(before, places, links.motions, links.covariances)
         gain = np.linalg.solve(before, columns.T).T
         carried = (gain @ (after[:size, :size] - before)).reshape(past, 3, size)
         learned = np.einsum("pik,pjk->pij", carried, gain.reshape(past, 3, size))
@@ -209,29 +200,59 @@ class LidarGraph:
             joined[link.later].append(link.earlier)
         return joined
 
-    def _expected(self, belief: Belief, poses: Array) -> tuple[list[Link], int]:
-        """Links that the predicted key poses would bring, and how many of them close a loop."""
-        past = len(belief.poses)
+    def _expected(self, belief: Belief, poses: Array) -> _Expected:
+        """Links that the predicted key poses would bring."""
+        past, total = len(belief.poses), len(belief.poses) + len(poses)
         trajectory = np.concatenate((belief.poses, poses))
-        at: list[Pose] = [tuple(row) for row in trajectory.tolist()]
+        driven = betweens(trajectory[past - 1 : -1], trajectory[past:])
+        odometry = self.odometry.covariance(driven, np.hypot(*driven[:, :2].T), np.abs(driven[:, 2]))
         joined = [*self._joined, *([] for _ in poses)]
-        links: list[Link] = []
+        ends: list[tuple[int, int]] = []
+        covariances: list[Array] = []
 
-        def add(earlier: int, later: int, covariance: Array, robust: bool = False) -> None:
-            links.append(Link(earlier, later, between(at[earlier], at[later]), covariance, robust))
+        def add(earlier: int, later: int, covariance: Array) -> None:
+            ends.append((earlier, later))
+            covariances.append(covariance)
             joined[earlier] = [*joined[earlier], later]
             joined[later] = [*joined[later], earlier]
 
         closures = 0
-        for newest in range(past, len(trajectory)):
-            motion = between(at[newest - 1], at[newest])
-            length, turned = math.hypot(motion[0], motion[1]), abs(motion[2])
-            add(newest - 1, newest, self.odometry.covariance(motion, length, turned) + MATCH_COVARIANCE)
+        for newest in range(past, total):
+            add(newest - 1, newest, odometry[newest - past] + MATCH_COVARIANCE)
             add(anchor_at(max(newest - EXPECTED_LAG, 0), newest), newest, MATCH_COVARIANCE)
             for chain in chains_due(trajectory[: newest + 1], joined, max(newest - WINDOW, 0)):
                 closures += not chain.linked
-                add(chain.closest, newest, MATCH_COVARIANCE, not chain.linked)
-        return links, closures
+                add(chain.closest, newest, MATCH_COVARIANCE)
+        joins = np.array(ends)
+        return _Expected(joins, betweens(*trajectory[joins.T]), np.array(covariances), closures)
+
+    def patch(self, scenario: LidarScenario, pose: Pose) -> NDArray[np.uint8]:
+        """Cells around a pose, in its own frame, that a scan there is expected to reach; see `seen_patch`."""
+        if pose not in self._patches:  # ways to several candidates begin alike
+            reach, fine = scenario.sensor_range, self.fine
+            ranges = cast(pose, EXPECTED_BEAMS, reach, fine.occupied, self.leaps, fine.grid)
+            self._patches[pose] = seen_patch(ranges, reach, scenario.cell_size, patch_reach(scenario))
+        return self._patches[pose]
+
+    @cached_property
+    def _patches(self) -> dict[Pose, NDArray[np.uint8]]:
+        return {}
+
+
+class _Expected(NamedTuple):
+    """Links that a drive is expected to bring: by their later pose, odometry first.
+
+    Attributes
+    ----------
+    ends : numbers of the earlier and the later pose, shape (L, 2).
+    motions, covariances : as those of a `Link`, shapes (L, 3) and (L, 3, 3).
+    closures : how many of them close a loop.
+    """
+
+    ends: NDArray[np.int64]
+    motions: Array
+    covariances: Array
+    closures: int
 
 
 def _physics(belief: Belief) -> LidarScenario:

@@ -44,14 +44,16 @@ class OdometryModel:
         x, y, turn = (self.scales * motion).tolist()
         return x, y, turn
 
-    def white_noise(self, length: float, turned: float) -> Array:
-        """Variances along, across and of the heading that white noise adds over metres and radians, shape (3,)."""
+    def white_noise(self, length: Array | float, turned: Array | float) -> Array:
+        """Variances along, across and of the heading that white noise adds over metres and radians, shape (..., 3)."""
         along = self.white**2 * length + LEAST_SIGMA**2
-        return np.array((along, along, self.heading_white**2 * (length + turned) + LEAST_SIGMA**2))
+        return np.stack((along, along, self.heading_white**2 * (length + turned) + LEAST_SIGMA**2), axis=-1)
 
-    def covariance(self, motion: Pose, length: float, turned: float) -> Array:
-        """Covariance of a corrected motion in the frame after it, shape (3, 3)."""
-        return np.diag(self.variances * np.square(motion) + self.white_noise(length, turned))
+    def covariance(self, motion: Array | Pose, length: Array | float, turned: Array | float) -> Array:
+        """Covariance of corrected motions, shape (..., 3), in the frame after each, shape (..., 3, 3)."""
+        return np.asarray(
+            (self.variances * np.square(motion) + self.white_noise(length, turned))[..., None] * np.eye(3)
+        )
 
     def learned(self, motion: Pose, made: Pose, variances: Array, length: float, turned: float) -> Self:
         """Model after a motion that was measured, and then found by matches to be `made`.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import gtsam
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose
 from explore_bench.robot.lidar.filtering import turns_of
 
@@ -18,6 +21,10 @@ START_SIGMAS = 0.001, 0.001, 0.0002
 
 CAUCHY = 1.0
 """Scale of the loss on loop closures, in standard deviations: a wrong one bends nothing for long."""
+
+
+LEAST_STEP, MOST_STEPS = 0.0005, 10
+"""Optimizing ends with a step of this root mean square [m or rad]: the next is its square, with a robust loss half."""
 
 
 class Link(NamedTuple):
@@ -62,20 +69,31 @@ class PoseGraph:
         self._graph.add(gtsam.BetweenFactorPose2(link.earlier, link.later, gtsam.Pose2(*link.motion), noise))
 
     def optimize(self) -> Array:
-        """Move the poses to where all factors are best satisfied; returns them, shape (N, 3)."""
-        self._values = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values).optimize()
-        return np.asarray(gtsam.utilities.extractPose2(self._values))
+        """Move the poses to where all factors are best satisfied; returns them, shape (N, 3).
+
+        A link that is like those before it moves them by millimetres, so one step of Gauss and Newton will do; where it
+        takes many, Levenberg and Marquardt find the way.
+        """
+        values = self._values
+        for _ in range(MOST_STEPS):
+            step = self._graph.linearize(values).optimize()
+            values = values.retract(step)
+            if step.norm() <= LEAST_STEP * math.sqrt(self._count):
+                break
+        else:
+            values = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values).optimize()
+        self._values = values
+        return np.asarray(gtsam.utilities.extractPose2(values))
 
     def covariances(self, together: Sequence[int] = ()) -> tuple[Array, Array]:
         """Marginal of each pose in the world frame, shape (N, 3, 3), and the joint one of some.
 
         The joint covariance of K poses, ascending, has the shape (3K, 3K) and is in each pose's own frame.
         """
-        marginals = gtsam.Marginals(self._graph, self._values)
-        own = np.array([marginals.marginalCovariance(number) for number in range(self._count)])
+        posterior = self.posterior()
         turn = turns_of(gtsam.utilities.extractPose2(self._values)[:, 2])
-        joint = marginals.jointMarginalCovariance(list(together)).fullMatrix() if together else np.empty((0, 0))
-        return np.asarray(turn @ own @ turn.transpose(0, 2, 1)), joint
+        joint = posterior.joint(together) if together else np.empty((0, 0))
+        return np.asarray(turn @ posterior.marginals() @ turn.transpose(0, 2, 1)), joint
 
     def posterior(self) -> Posterior:
         """Joint distribution of all poses as they are now."""
@@ -87,27 +105,105 @@ class PoseGraph:
 
 
 class Posterior:
-    """Joint covariance of all key poses, of which columns are computed as they are asked for.
+    """Joint covariance of all key poses, of which parts are computed as they are asked for; in each pose's own frame.
 
     Parameters
     ----------
-    model : whitened Jacobian of all factors, shape (F, 3N), in each pose's own frame.
+    model : whitened Jacobian of all factors, shape (F, 3N).
     """
 
     def __init__(self, model: sparse.csc_matrix) -> None:
-        self._factor = splu((model.T @ model).tocsc())
+        information = (model.T @ model).tocsc()
+        # no pivoting is needed, and none keeps the factor symmetric and the order one that leaves it sparse
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        self._factor = splu(information, **symmetric)
         self._size = model.shape[1]
         self._columns: dict[int, Array] = {}
 
     def columns(self, numbers: Sequence[int]) -> Array:
-        """Covariance of all N poses with K of them, shape (3N, 3K), in each pose's own frame."""
+        """Covariance of all N poses with K of them, shape (3N, 3K)."""
         new = [number for number in numbers if number not in self._columns]
         if new:
             unit = np.zeros((self._size, 3 * len(new)))
-            unit[np.add.outer(3 * np.array(new), np.arange(3)).ravel(), np.arange(3 * len(new))] = 1.0
+            unit[rows_of(new), np.arange(3 * len(new))] = 1.0
             solved = self._factor.solve(unit)
             self._columns |= {number: solved[:, 3 * i : 3 * i + 3] for i, number in enumerate(new)}
         return np.hstack([self._columns[number] for number in numbers])
+
+    def joint(self, numbers: Sequence[int]) -> Array:
+        """Covariance of K poses, shape (3K, 3K)."""
+        block = self.columns(numbers)[rows_of(numbers)]
+        return np.asarray(0.5 * (block + block.T))
+
+    def marginals(self) -> Array:
+        """Covariance of each pose, shape (N, 3, 3)."""
+        lower = self._factor.L.tocsc()
+        lower.sort_indices()
+        inverse = selected_inverse(lower.indptr, lower.indices, lower.data, self._factor.U.diagonal())
+        blocks = blocks_of(lower.indptr, lower.indices, inverse, self._factor.perm_c.astype(np.int64))
+        for number in np.flatnonzero(np.isnan(blocks).any(axis=(1, 2))).tolist():
+            blocks[number] = self.joint([number])
+        return blocks
+
+
+def rows_of(numbers: ArrayLike) -> NDArray[np.int64]:
+    """Rows of K poses in a joint covariance, shape (3K,)."""
+    return np.asarray(np.add.outer(3 * np.asarray(numbers, dtype=np.int64), np.arange(3)).ravel())
+
+
+@jit
+def selected_inverse(starts: NDArray[np.int32], rows: NDArray[np.int32], lower: Array, pivots: Array) -> Array:
+    """Entries of (L D Lᵀ)⁻¹ where L has some: Takahashi, Fagan and Chen 1973, from the last column to the first.
+
+    NaN is what one becomes that needs another where L has none, as may be where axes are independent of one another.
+
+    Parameters
+    ----------
+    starts, rows, lower : L in compressed columns, 1 on its diagonal, rows ascending.
+    pivots : D, shape (n,).
+    """
+    inverse = np.zeros(lower.shape[0])
+    place = np.full(pivots.shape[0], -1, dtype=np.int64)  # of a row among those of the column at hand
+    sums = np.empty(pivots.shape[0])
+    for column in range(pivots.shape[0] - 1, -1, -1):
+        first, count = starts[column] + 1, starts[column + 1] - starts[column] - 1
+        for a in range(count):
+            place[rows[first + a]] = a
+            sums[a] = 0.0
+        for b in range(count):
+            other, found = rows[first + b], 0
+            for entry in range(starts[other], starts[other + 1]):
+                a = place[rows[entry]]
+                if a < 0:
+                    continue
+                found += 1
+                sums[a] += lower[first + b] * inverse[entry]
+                if a != b:
+                    sums[b] += lower[first + a] * inverse[entry]
+            if found < count - b:
+                sums[b] = np.nan
+        own = 1.0 / pivots[column]
+        for a in range(count):
+            inverse[first + a] = -sums[a]
+            own += lower[first + a] * sums[a]
+            place[rows[first + a]] = -1
+        inverse[starts[column]] = own
+    return inverse
+
+
+@jit
+def blocks_of(starts: NDArray[np.int32], rows: NDArray[np.int32], inverse: Array, places: NDArray[np.int64]) -> Array:
+    """Blocks on the diagonal, shape (n / 3, 3, 3), NaN where L has no entry; row i of the matrix is row `places[i]`."""
+    blocks = np.full((places.shape[0] // 3, 3, 3), np.nan)
+    for number in range(blocks.shape[0]):
+        for i in range(3):
+            for j in range(i + 1):
+                one, other = places[3 * number + i], places[3 * number + j]
+                row, column = max(one, other), min(one, other)
+                for entry in range(starts[column], starts[column + 1]):
+                    if rows[entry] == row:
+                        blocks[number, i, j] = blocks[number, j, i] = inverse[entry]
+    return blocks
 
 
 def _sigmas(values: tuple[float, ...]) -> gtsam.noiseModel.Diagonal:

@@ -2,12 +2,14 @@
 
 import math
 
+import gtsam
 import numpy as np
 import pytest
 from lidar_worlds import followed
 
 from explore_bench.geometry import between, compose
-from explore_bench.robot.lidar.pose_graph import START_SIGMAS, Link, PoseGraph
+from explore_bench.robot.lidar.filtering import turns_of
+from explore_bench.robot.lidar.pose_graph import START_SIGMAS, Link, PoseGraph, selected_inverse
 
 ODOMETRY = np.diag((0.02**2, 0.02**2, 0.01**2))
 SURE = np.diag((0.01**2, 0.01**2, 0.002**2))
@@ -126,6 +128,60 @@ def test_the_joint_covariance_of_some_is_in_their_own_frames():
         np.testing.assert_allclose(turn @ own @ turn.T, marginals[number], atol=1e-12)
     assert np.abs(joint[:3, 3:]).max() > 1e-6
     assert graph.covariances()[1].shape == (0, 0)
+
+
+def tangled(seed, poses=60, links=40, robust=0.3):
+    """Graph of a drive that turns where it likes, with links between any two of its poses, and errors."""
+    rng = np.random.default_rng(seed)
+    motions = [(0.5, 0.0, turn) for turn in rng.normal(0.0, 0.5, poses).tolist()]
+    graph, places = graph_of((0.3, -0.2, 0.7), motions)
+    for _ in range(links):
+        earlier, later = sorted(rng.choice(poses + 1, 2, replace=False).tolist())
+        seen = np.array(between(tuple(places[earlier]), tuple(places[later]))) + rng.normal(0.0, (0.02, 0.02, 0.005))
+        root = rng.normal(0.0, (0.02, 0.02, 0.005), (3, 3))
+        graph.add_link(Link(earlier, later, tuple(seen), root.T @ root + SURE, bool(rng.random() < robust)))
+    return graph
+
+
+@pytest.mark.parametrize(("robust", "near"), [(0.0, 1e-6), (0.3, 0.01)])
+@pytest.mark.parametrize("seed", range(5))
+def test_poses_and_covariances_are_those_that_gtsam_gives(seed, robust, near):
+    graph = tangled(seed, robust=robust)
+    sure = gtsam.LevenbergMarquardtParams()
+    sure.setRelativeErrorTol(1e-14)
+    sure.setMaxIterations(500)
+    expected = gtsam.LevenbergMarquardtOptimizer(graph._graph, graph._values, sure).optimize()
+    found = graph.optimize()
+    np.testing.assert_allclose(found, gtsam.utilities.extractPose2(expected), atol=near)
+    together = [0, 7, 31, 60]
+    marginals = gtsam.Marginals(graph._graph, graph._values)
+    own = np.array([marginals.marginalCovariance(number) for number in range(61)])
+    turn = turns_of(found[:, 2])
+    covariances, joint = graph.covariances(together)
+    np.testing.assert_allclose(covariances, turn @ own @ turn.transpose(0, 2, 1), rtol=1e-7, atol=1e-12)
+    expected_joint = marginals.jointMarginalCovariance(together).fullMatrix()
+    np.testing.assert_allclose(joint, expected_joint, rtol=1e-7, atol=1e-12)
+
+
+def test_covariances_of_poses_whose_axes_are_independent():
+    """Along x nothing ties the three axes together, or the first of them to the others: L has no entries for that."""
+    for motions in ([], [(0.5, 0.0, 0.0)] * 12):
+        graph, poses = graph_of((0.0, 0.0, 0.0), motions)
+        marginals = gtsam.Marginals(graph._graph, graph._values)
+        own = np.array([marginals.marginalCovariance(number) for number in range(len(poses))])
+        np.testing.assert_allclose(graph.covariances()[0], own, rtol=1e-9, atol=1e-15)
+
+
+def test_an_inverse_that_the_pattern_does_not_tell_is_asked_for():
+    """Of a matrix whose factor lacks what fills in, no entry is given that is wrong."""
+    starts, rows = np.array([0, 3, 4, 5], dtype=np.int32), np.array([0, 1, 2, 1, 2], dtype=np.int32)
+    lower = np.array([1.0, 0.5, 0.25, 1.0, 1.0])
+    inverse = selected_inverse(starts, rows, lower, np.ones(3))
+    full = np.array([[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.25, 0.0, 1.0]])
+    expected = np.linalg.inv(full @ full.T)[rows, [0, 0, 0, 1, 2]]
+    assert np.isnan(inverse).any()
+    given = np.isfinite(inverse)
+    np.testing.assert_allclose(inverse[given], expected[given])
 
 
 def test_a_closure_makes_poses_surer():
