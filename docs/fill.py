@@ -136,6 +136,11 @@ def stage_view() -> str:
     return _markdown(pd.read_csv(STUDIES / "stage-view.csv"))
 
 
+def stage_frontiers() -> str:
+    """What the grid of decisions costs the nearest frontier."""
+    return _markdown(pd.read_csv(STUDIES / "stage-frontiers.csv"))
+
+
 def stage_results() -> str:
     """The table of the suites of lidar worlds, as `explore-bench report` wrote it, its most telling columns."""
     frames = [pd.read_csv(ROOT / "results" / suite / "tables" / "stage.csv") for suite in ("stage", "plans")]
@@ -405,6 +410,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "beam-sweep": beam_sweep,
     "stage-choices": stage_choices,
     "stage-slam": stage_slam,
+    "stage-frontiers": stage_frontiers,
     "stage-view": stage_view,
     "stage-results": stage_results,
     "stage-transfer": stage_transfer,

@@ -77,6 +77,13 @@ def test_as_many_hits_as_misses_are_even_odds_and_not_occupied(values):
     assert occupancy.known[0]
 
 
+def test_a_cell_whose_centre_lies_exactly_at_the_range_is_seen():
+    """From the centre of a cell of 2 m, 2 m to the four sides; those at the corners are 2.8 m away."""
+    occupancy = OccupancyMap(Scenario(size=10.0, sensor_range=2.0))
+    occupancy.place(np.array([[5.0, 5.0, 0.0]]), np.zeros((1, 3, 3), dtype=np.uint8), np.array([[3.0, 3.0, 0.0]]))
+    assert np.flatnonzero(occupancy.known).tolist() == [7, 11, 12, 13, 17]
+
+
 def test_hidden_cells_stay_unknown():
     occupancy = after(HIDDEN)
     assert not occupancy.known.any()

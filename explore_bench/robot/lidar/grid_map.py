@@ -20,6 +20,11 @@ OCCUPIED_SHARE = 0.25
 """A cell is believed occupied where at least this share of the beams that came to it ended in it (Karto: 0.1)."""
 
 
+NEAR, NEAR_BEAMS = 1.0, 3
+"""Of what the newest scan meets within this [m], a cell with so many beams' ends is an obstacle, whatever passed it
+before: a thin pillar that thousands of beams missed stops the robot all the same."""
+
+
 class GridMap:
     """Counts of beams by cell; shapes are those of the grid, rows along y.
 
@@ -36,6 +41,7 @@ class GridMap:
         self._clears = scenario.no_return_clears
         self.passes = np.zeros(self.grid.shape, dtype=np.int32)
         self.hits = np.zeros(self.grid.shape, dtype=np.int32)
+        self._near = np.zeros(self.grid.shape, dtype=bool)
 
     def insert(self, pose: Pose, ranges: Array) -> None:
         """Add a scan, taken at this estimate; ranges as in `RangeScan`."""
@@ -44,6 +50,12 @@ class GridMap:
     def remove(self, pose: Pose, ranges: Array) -> None:
         """Take out a scan that was inserted with these very values."""
         trace_scan(self.passes, self.hits, pose, ranges, self._reach, self._clears, self.grid, -1)
+
+    def watch(self, pose: Pose, ranges: Array) -> None:
+        """Look at a scan, the newest, for obstacles near the robot."""
+        passes, hits = np.zeros_like(self.passes), np.zeros_like(self.hits)
+        trace_scan(passes, hits, pose, ranges, NEAR, True, self.grid, 1)
+        self._near = occupied_of(passes, hits, NEAR_BEAMS) & (hits >= NEAR_BEAMS)
 
     def frozen(self) -> FineMap:
         """Copy of what is known now."""
@@ -58,6 +70,11 @@ class GridMap:
     def occupied(self) -> NDArray[np.bool_]:
         """Known cells believed occupied."""
         return occupied_of(self.passes, self.hits, self._known_after)
+
+    @property
+    def obstacles(self) -> NDArray[np.bool_]:
+        """Cells from which a drive keeps away: those believed occupied, and what the newest scan saw near the robot."""
+        return self.occupied | self._near
 
 
 @jit

@@ -72,7 +72,7 @@ class Navigator:
 
     def look(self) -> None:
         """Take in the map as it is now."""
-        self.terrain = Terrain(self._map.grid, self._map.known, self._map.occupied)
+        self.terrain = Terrain(self._map.grid, self._map.known, self._map.obstacles)
 
     def ways(self, pose: Pose, margin: float | None = None) -> Ways:
         """Cheapest ways from a pose, keeping the lethal radius less a margin [m]; that of the last offer by default."""

@@ -168,6 +168,7 @@ class Slam:
         self._ranges.append(scan.ranges)
         self._placed.append(pose)
         self.map.insert(pose, scan.ranges)
+        self.map.watch(pose, scan.ranges)
         self._lap("map")
 
     def _link(self, link: Link) -> None:
