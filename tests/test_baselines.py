@@ -3,9 +3,11 @@
 import dataclasses
 import inspect
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from handmade import TINY
 from hypothesis import given, strategies as st
@@ -258,13 +260,16 @@ def test_entropy_chooses_the_largest_gain_over_the_cells_in_view(observation):
     assert gains[choice] == pytest.approx(max(gains), abs=1e-8)
 
 
-def test_entropy_avoids_the_candidate_where_it_would_be_lost(observation, monkeypatch):
+@pytest.mark.parametrize("lost", range(3), ids=["along x", "along y", "in heading"])
+def test_entropy_avoids_the_candidate_where_it_would_be_lost(observation, monkeypatch, lost):
     """With one and the same view everywhere, the pose's predicted covariance decides."""
     positions = np.tile(observation.positions[:1], (len(observation.positions), 1))
-    traces = dict(zip(map(id, observation.paths), np.linspace(2.0, 0.1, len(observation.paths)), strict=True))
+    variances = dict(zip(map(id, observation.paths), np.linspace(2.0, 0.1, len(observation.paths)), strict=True))
 
     def predicted(belief, path):
-        return SimpleNamespace(pose_covariances=np.eye(3)[None] * traces[id(path)] / 3)
+        covariance = 0.1 * np.eye(3)
+        covariance[lost, lost] = variances[id(path)]
+        return SimpleNamespace(pose_covariances=covariance[None])
 
     monkeypatch.setattr(Belief, "predict", predicted)
     assert Entropy().choose(varied(observation, positions=positions)) == len(observation.paths) - 1
@@ -299,7 +304,8 @@ def test_in_between_uncertainty_weighs_u_against_the_length(observation, weight)
 
 
 def test_the_weight_of_the_benchmark_is_the_tuned_one():
-    assert Uncertainty().weight == WEIGHT
+    sweep = pd.read_csv(Path(__file__).parents[1] / "docs" / "studies" / "uncertainty-weight.csv")
+    assert Uncertainty().weight == sweep.loc[sweep["objective"].idxmin(), "weight"]
     assert strategies()["uncertainty"].parameters == {}
 
 

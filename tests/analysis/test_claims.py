@@ -102,6 +102,25 @@ def test_holm_runs_over_the_comparisons_of_the_claim():
     assert findings[1].p_holm > findings[1].p
 
 
+@pytest.mark.parametrize(("value", "word"), [(1.0, SUPPORTED), (3.0, CONTRADICTED)])
+def test_the_verdict_is_that_of_the_corrected_p_value(value, word):
+    """Six worlds that agree have p = 2/64: alone that is below the level, as one of three comparisons it is not."""
+    frames = rows("a", np.full(6, value)), *(rows(name, np.full(6, 2.0)) for name in "bcd")
+    verdicts = {}
+    for others in ("b", "bcd"):
+        claim = Claim("x", "a beats them.", comparisons("a", others, ("trajectory_error",), (20.0,)))
+        verdicts[others] = [finding.verdict for finding in found(*frames, claim=claim)]
+    assert verdicts == {"b": [word], "bcd": [NOT_SHOWN] * 3}
+
+
+def test_a_p_value_of_the_very_level_is_at_most_the_level(monkeypatch):
+    frames = rows("a", np.ones(6)), rows("b", np.full(6, 2.0))
+    monkeypatch.setattr(module, "LEVEL", 2 / 64)
+    assert found(*frames)[0].verdict == SUPPORTED
+    monkeypatch.setattr(module, "LEVEL", 1.9 / 64)
+    assert found(*frames)[0].verdict == NOT_SHOWN
+
+
 @pytest.mark.parametrize(
     ("seeds", "other", "limited"), [(5, 5, False), (5, None, False), (4, 5, True), (5, 1, True), (1, None, True)]
 )
@@ -120,6 +139,13 @@ def test_training_seeds_are_averaged_within_a_world_and_their_range_is_kept():
     assert finding.means == (2.0, 2.5)
     assert finding.ranges[0] == (1.0, 3.0)
     assert math.isnan(finding.ranges[1][0])
+
+
+def test_the_range_of_the_training_seeds_is_over_the_worlds_that_both_tried():
+    frames = rows("a", [1.0, 1.0, 9.0], [0]), rows("a", [3.0, 3.0, 30.0], [1]), rows("b", [2.0, 2.0])
+    [finding] = found(*frames)
+    assert (finding.n, finding.means) == (2, (2.0, 2.0))
+    assert finding.ranges[0] == (1.0, 3.0)
 
 
 @pytest.mark.parametrize(

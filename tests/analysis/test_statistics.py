@@ -244,6 +244,17 @@ def test_a_ratio_of_means_resamples_worlds_together():
     assert math.isnan(ratio_interval(other[:1], SKEWED[:1]).low)
 
 
+@pytest.mark.parametrize("interval", [mean_difference, ratio_interval])
+def test_percentile_intervals_leave_a_fortieth_out_at_either_end(interval):
+    """Means of a thousand values are normal: 1.96 standard errors to either side; 1.64 would leave out a twentieth."""
+    values = 10.0 + np.random.default_rng(9).normal(size=1000)
+    estimate = interval(values, np.ones(1000))
+    error = values.std() / math.sqrt(1000)
+    assert [(end - estimate.mean) / error for end in (estimate.low, estimate.high)] == pytest.approx(
+        [-1.96, 1.96], abs=0.1
+    )
+
+
 def test_a_ratio_to_nothing_is_not_defined():
     estimate = ratio_interval(np.ones(4), np.zeros(4))
     assert math.isnan(estimate.mean)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from explore_bench.analysis import two_folders
 from explore_bench.analysis.statistics import effect_size, holm, mean_interval, sign_flip_p
 from explore_bench.analysis.two_folders import COMPARED_METRICS, compare_folders
 from explore_bench.errors import RequestError
@@ -65,6 +66,21 @@ def test_the_numbers_are_those_of_the_paired_differences(folders):
 def test_a_verdict_knows_the_direction_of_each_metric(folders, shift, word):
     found = compare_folders(*folders(rows(1.0 + NOISE), rows(1.0 + shift + NOISE)))
     assert {d.verdict for d in found.differences} == {word}
+
+
+@pytest.mark.parametrize(("worlds", "word"), [(6, "no difference shown"), (7, "better")])
+def test_the_verdict_is_that_of_the_corrected_p_value(folders, worlds, word):
+    """All worlds agree: p = 2/64 is below the level, but not three times that; of seven worlds 3 · 2/128 is."""
+    found = compare_folders(*folders(rows([1.0] * worlds), rows([0.9] * worlds)))
+    assert [d.p for d in found.differences] == [2 / 2**worlds] * 3
+    assert {d.verdict for d in found.differences} == {word}
+    assert {(row[7], row[-1]) for row in comparison_table(found).rows} == {(f"{6 / 2**worlds:.4f}", word)}
+
+
+def test_a_p_value_of_the_very_level_is_at_most_the_level(folders, monkeypatch):
+    monkeypatch.setattr(two_folders, "LEVEL", 3 * 2 / 64)
+    found = compare_folders(*folders(rows([1.0] * 6), rows([1.1] * 6)))
+    assert {d.verdict for d in found.differences} == {"worse"}
 
 
 def test_the_same_folder_twice_shows_no_difference(folders):

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from explore_bench.analysis.claims import Claim, Comparison, claims, examine, verdict
+from explore_bench.analysis.claims import Claim, Comparison, claims, comparisons, examine, verdict
 from explore_bench.analysis.training_curve import TRAINING_METRICS
 from explore_bench.report.pages.claims import (
     HEADER,
@@ -63,6 +63,27 @@ def test_a_sentence_says_it_in_plain_words(trials):
         "Nearest has 42 % lower trajectory error e than Random at 20 m (1.100 to 1.900 m; difference −0.800 ["
     )
     assert text.endswith(": supported.")
+
+
+def test_p_values_stand_as_they_are_and_corrected_and_the_sentence_says_the_corrected_one(trials):
+    """Six worlds that agree have p = 2/64, twice that as one of two comparisons."""
+    six = trials[trials["trial"] < 6]
+    others = six[six["strategy"] == "random"].assign(strategy="entropy")
+    claim = Claim("x", "", comparisons("nearest", ("random", "entropy"), ("trajectory_error",), (20.0,)))
+    findings = examine(claim, pd.concat((six, others)))
+    for row, finding in zip(comparison_table(claim, findings).rows, findings, strict=True):
+        cells = dict(zip(HEADER, row, strict=True))
+        assert (cells["p"], cells["p, Holm"], cells["verdict"]) == ("0.0312", "0.0625", "not shown")
+        assert sentence(finding).endswith("p = 0.062 after Holm): not shown.")
+
+
+def test_only_several_training_seeds_have_a_range(trials):
+    nearest, random = (trials[trials["strategy"] == name] for name in ("nearest", "random"))
+    worse = nearest.assign(training_seed=1, trajectory_error=nearest["trajectory_error"] + 0.5)
+    seeded = pd.concat((nearest.assign(training_seed=0), worse, random.assign(training_seed=0)))
+    [row] = comparison_table(CLAIM, examine(CLAIM, seeded)).rows
+    cells = dict(zip(HEADER, row, strict=True))
+    assert (cells["seeds"], cells["single seeds"]) == ("2 / 1", "1.100–1.600 / –")
 
 
 def test_what_was_not_measured_is_said(trials):

@@ -59,6 +59,19 @@ def test_what_is_alone_a_regression_need_not_be_one_in_a_family():
     assert family[0].p_holm == pytest.approx(min(6 * family[0].p, 1.0))
 
 
+def test_what_is_alone_an_improvement_need_not_be_one_in_a_family():
+    gains = -0.075 + NOISE
+    assert decide([gains], [0.05])[0].verdict is Verdict.IMPROVED
+    assert decide([gains, *[NOISE] * 5], [0.05] * 6)[0].verdict is Verdict.PASS
+
+
+@pytest.mark.parametrize("count", [1, 6])
+@pytest.mark.parametrize(("loss", "verdict"), [(0.025, Verdict.PASS), (0.031, Verdict.INCONCLUSIVE)])
+def test_a_pass_is_uncorrected_however_large_the_family(loss, verdict, count):
+    """The bound is 1.67 standard errors of 0.013 above the loss, the tolerance 0.05."""
+    assert {own.verdict for own in decide([loss + NOISE] * count, [0.05] * count)} == {verdict}
+
+
 def test_what_is_missing_has_no_verdict_but_still_counts_in_the_family():
     losses = 0.075 + NOISE
     found = decide([losses, *[np.empty(0)] * 5], [0.05] * 6)
@@ -201,6 +214,17 @@ def test_a_trial_that_fails_where_it_had_explored_is_counted_and_scored(real):
     gate = judge([threshold()], real("nearest"), now)
     assert gate.judgements[0].pair.unexplored == (0, 25)
     assert gate.verdict is Verdict.REGRESSED
+
+
+@pytest.mark.parametrize("count", [1, 6])
+def test_the_power_is_that_of_the_only_loss_among_as_many_pairs(count):
+    """In families whose first member alone has become worse, by 10 %, it is called a regression as often as that."""
+    rows = pd.concat([trial_rows(1.0 + 2 * NOISE, size=20.0 + i) for i in range(count)])
+    gate = judge([threshold(size=20.0 + i) for i in range(count)], rows, rows)
+    losses = np.random.default_rng(1).normal(0.0, 2 * NOISE.std(ddof=1), (400, count, len(NOISE)))
+    losses[:, 0] += 0.1
+    caught = np.mean([decide(own, [0.05] * count)[0].verdict is Verdict.REGRESSED for own in losses])
+    assert [own.power for own in gate.judgements] == [pytest.approx(caught, abs=0.06)] * count
 
 
 def test_a_gate_that_lacks_something_says_so_whatever_else_it_found(real):

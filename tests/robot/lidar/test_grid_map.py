@@ -139,3 +139,21 @@ def test_walls_are_mapped_where_they_are():
     near[:, :-1] |= solid[:, 1:]
     assert found.occupied.sum() > 300
     assert near[found.occupied].mean() > 0.995
+
+
+def test_what_the_newest_scan_meets_near_the_robot_is_an_obstacle_whatever_passed_it_before():
+    """A pillar that a thousand beams missed; one beam alone is noise, and farther off than a metre the map decides."""
+    scenario = LidarScenario(size=8.0)
+    map_, pose = GridMap(scenario), (4.05, 4.05, 0.0)
+    map_.passes[:] = 1000
+    ranges = np.full(360, np.inf)
+    ranges[:8], ranges[90], ranges[180:188] = 0.6, 0.6, 1.5
+    map_.insert(pose, ranges)
+    assert not map_.occupied.any()
+    map_.watch(pose, ranges)
+    rows, columns = np.nonzero(map_.obstacles)
+    assert set(columns.tolist()) == {46}
+    assert set(rows.tolist()) <= {40, 41}
+    assert not map_.occupied.any(), "it is no part of the map"
+    map_.watch(pose, np.full(360, np.inf))
+    assert not map_.obstacles.any(), "the newest scan alone"
