@@ -358,8 +358,9 @@ def train(
             left = (now - begin) / (run.log.episodes - first) * (wanted - run.log.episodes)
             say(_progress_line(run, left))
             said = now
-    if not run.log.validations:
+    if not run.log.validations or run.log.validations[-1][0] < run.log.episodes:  # stopped before it could
         run.validate()
+        say(_validation_line(run))
     run.save()
     run.write_curve()
     return run.best_path

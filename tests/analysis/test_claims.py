@@ -104,13 +104,16 @@ def test_holm_runs_over_the_comparisons_of_the_claim():
 
 @pytest.mark.parametrize(("value", "word"), [(1.0, SUPPORTED), (3.0, CONTRADICTED)])
 def test_the_verdict_is_that_of_the_corrected_p_value(value, word):
-    """Six worlds that agree have p = 2/64: alone that is below the level, as one of three comparisons it is not."""
+    """Six worlds that agree have p = 2/64, below the level; twice that is not. What z did nobody measured."""
     frames = rows("a", np.full(6, value)), *(rows(name, np.full(6, 2.0)) for name in "bcd")
     verdicts = {}
-    for others in ("b", "bcd"):
+    for others in ("b", "bz", "bcz", "bcd"):
         claim = Claim("x", "a beats them.", comparisons("a", others, ("trajectory_error",), (20.0,)))
         verdicts[others] = [finding.verdict for finding in found(*frames, claim=claim)]
-    assert verdicts == {"b": [word], "bcd": [NOT_SHOWN] * 3}
+    assert verdicts["b"] == [word]
+    assert verdicts["bz"] == [word, NOT_MEASURED]
+    assert verdicts["bcz"] == [NOT_SHOWN, NOT_SHOWN, NOT_MEASURED]
+    assert verdicts["bcd"] == [NOT_SHOWN] * 3
 
 
 def test_a_p_value_of_the_very_level_is_at_most_the_level(monkeypatch):
@@ -131,6 +134,16 @@ def test_few_training_seeds_speak_for_these_weights_alone(seeds, other, limited)
     assert finding.seeds == (seeds, other or 0)
     [finding] = found(*frames, architecture=False)
     assert finding.verdict == SUPPORTED
+
+
+def test_few_training_seeds_limit_a_contradiction_as_well():
+    [finding] = found(rows("a", np.full(6, 3.0), [0]), rows("b", np.full(6, 2.0)))
+    assert finding.verdict == CONTRADICTED + THESE_WEIGHTS
+
+
+def test_a_relative_difference_has_the_sign_of_the_difference():
+    [finding] = found(rows("a", [-1.0, -1.0]), rows("b", [-2.0, -2.0]))
+    assert (finding.difference.mean, finding.relative) == (1.0, 0.5)
 
 
 def test_training_seeds_are_averaged_within_a_world_and_their_range_is_kept():
@@ -157,6 +170,7 @@ def test_the_range_of_the_training_seeds_is_over_the_worlds_that_both_tried():
         ([SUPPORTED, NOT_MEASURED], NOT_SHOWN),
         ([SUPPORTED, CONTRADICTED, NOT_SHOWN], CONTRADICTED),
         ([NOT_SHOWN, CONTRADICTED + THESE_WEIGHTS], CONTRADICTED + THESE_WEIGHTS),
+        ([CONTRADICTED + THESE_WEIGHTS, CONTRADICTED], CONTRADICTED),
         ([NOT_MEASURED, NOT_MEASURED], NOT_MEASURED),
     ],
 )

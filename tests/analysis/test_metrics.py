@@ -132,6 +132,11 @@ def test_times_to_a_share_are_the_first_steps_that_reach_it():
     assert [value(name, made) for name in ("t50", "t80", "t90")] == [1.0, 4.0, 6.0]
 
 
+def test_a_share_that_exploring_does_not_ask_for_has_no_time_where_it_was_not_reached():
+    made = record(scenario=MAP.replace(coverage=0.8), explored=[0.2, 0.5, 0.85])
+    assert [value(name, made) for name in ("t50", "t80", "t90")] == pytest.approx([1.0, 2.0, math.nan], nan_ok=True)
+
+
 def test_a_share_never_reached_counts_the_step_limit():
     made = record("stuck", MAP, explored=[0.2, 0.5, 0.6])
     assert [value(name, made) for name in ("t50", "t80", "t90")] == [1.0, 1000.0, 1000.0]

@@ -20,6 +20,7 @@ from explore_bench.analysis.tables import (
     TRIAL_COLUMNS,
     WORLD_COLUMNS,
     by_world,
+    of_paper,
     select,
     summary_table,
     trial_table,
@@ -284,6 +285,11 @@ def test_beside_trials_of_another_scenario_there_is_no_value_of_the_paper(trials
     pd.testing.assert_frame_equal(summary[ours], own[own["n"] > 0][ours].reset_index(drop=True))
 
 
+def test_trials_of_two_scenarios_are_not_of_the_paper_s_alone(trials):
+    assert of_paper(trials)
+    assert not of_paper(pd.concat((trials, trials.assign(scenario="stage"))))
+
+
 def test_worlds_of_a_kind_that_says_nothing_of_them_are_not_listed(stored):
     table = world_table(stored.store.records()[0])
     assert table.empty
@@ -364,8 +370,9 @@ def test_worlds_weigh_alike_however_many_training_seeds_ran_on_them():
 
 def test_trials_of_every_training_seed_that_did_not_explore_are_counted():
     made = seeded({(0, 0): 100, (1, 0): 140, (1, 1): 100}) + seeded({(0, 1): 90}, status="stuck")
+    made += seeded({(0, 2): 90}, status="step_limit")
     line = lines(summary_table(trial_table(made)), table="table2", strategy="nearest", metric="decisions").iloc[0]
-    assert (line["n"], line["failed"]) == (2, 1)
+    assert (line["n"], line["failed"]) == (3, 2)
 
 
 def test_a_value_that_is_missing_is_never_left_out_of_a_mean_over_training_seeds():

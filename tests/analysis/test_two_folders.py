@@ -101,8 +101,9 @@ def test_only_the_same_worlds_are_compared_and_the_others_are_counted(folders):
     )
 
 
-def test_trials_that_did_not_explore_take_part_and_are_said(folders):
-    found = compare_folders(*folders(rows([1.0, 1.0]), rows([1.0]) + rows([9.0], first=1, status="stuck")))
+@pytest.mark.parametrize("status", ["stuck", "step_limit", "failed"])
+def test_trials_that_did_not_explore_take_part_and_are_said(folders, status):
+    found = compare_folders(*folders(rows([1.0, 1.0]), rows([1.0]) + rows([9.0], first=1, status=status)))
     assert found.differences[0].n == 2
     assert found.left_out == ("1 trials of B did not explore; they are scored by the rule for such trials",)
 
@@ -112,6 +113,11 @@ def test_training_seeds_are_averaged_within_a_world_first(folders):
     assert found.differences[0].means == (2.0, 2.5)
     assert found.differences[0].n == 3
     assert found.left_out == ("nearest, 20 m: training seeds 0, 1 in A, 0 in B; each is averaged over its own",)
+
+
+def test_as_many_but_other_training_seeds_are_said(folders):
+    found = compare_folders(*folders(rows([1.0] * 3, seed=0), rows([2.5] * 3, seed=1)))
+    assert found.left_out == ("nearest, 20 m: training seeds 0 in A, 1 in B; each is averaged over its own",)
 
 
 def test_a_metric_that_is_not_defined_is_left_out_by_name(folders):

@@ -505,6 +505,19 @@ def test_resuming_what_has_not_begun_begins(tmp_path):
     assert log_of(tmp_path)["episodes"] == 4
 
 
+def test_a_training_that_stops_before_its_last_validation_makes_up_for_it(tmp_path, monkeypatch):
+    """Taken no farther than it has come, it still says what it has come to."""
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "SAVE_SECONDS", 0.0)
+        stop_after(patch, 6, KeyboardInterrupt())
+        with pytest.raises(KeyboardInterrupt):
+            train(tmp_path)
+    come = log_of(tmp_path)["episodes"]
+    assert log_of(tmp_path)["validations"][-1][0] < come
+    assert "validation after" in train(tmp_path, episodes=come, resume=True)[-1]
+    assert log_of(tmp_path)["validations"][-1][0] == come
+
+
 def test_resuming_what_is_done_changes_nothing(tmp_path):
     train(tmp_path, episodes=4)
     before = everything(tmp_path)

@@ -59,6 +59,13 @@ def test_a_trial_that_reached_it_at_its_very_last_step_counts_as_having_reached_
     assert coverage_survival(frame(trial("nearest", 0, 100, explored=0.9, steps=100)), "t90").median == 100.0
 
 
+def test_a_trial_that_ended_at_the_step_limit_below_it_is_censored_there():
+    cell = frame(trial("nearest", 0, LIMIT, explored=0.85))
+    assert coverage_survival(cell, "t90").median == math.inf
+    assert robust_table(cell).rows[0][-1] == "1 of 1"
+    assert coverage_survival(cell, "t80").median == 50.0
+
+
 def test_the_robust_table_has_interquartile_means_medians_and_failures():
     rows = [trial("nearest", i, 100 + i, error=e) for i, e in enumerate((9.0, 1.0, 2.0, 3.0))]
     rows += [trial("random", i, **STUCK) for i in range(3)]

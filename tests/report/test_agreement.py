@@ -60,6 +60,12 @@ def test_what_did_not_run_is_named_and_what_the_paper_does_not_print_is_left_out
     assert [row[1:2] + row[5:] for row in table.rows] == [("Random", "not run", "–", "0")]
 
 
+def test_what_was_not_trained_is_named(untrained):
+    untrained("gcn-obs")
+    [row] = agreement_table(pd.DataFrame([summary("gcn-obs", n=0, mean=math.nan)])).rows
+    assert row[5:] == ("not trained", "–", "0")
+
+
 @pytest.mark.parametrize("agrees", [True, False])
 def test_the_order_is_that_of_the_means_best_first(agrees):
     """In the paper entropy has less e than random and more η."""

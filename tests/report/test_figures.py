@@ -6,19 +6,24 @@ from types import SimpleNamespace
 import matplotlib
 import numpy as np
 import pytest
-from handmade import write_plugin
+from handmade import TINY, record, write_plugin
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import CURVES, curve
 from explore_bench.records.store import Store
 from explore_bench.report import drawing, figures
 from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.figures import CURVE_FIGURES, write_figures
+from explore_bench.report.moment import Scene
 from explore_bench.report.render import write_report
+from explore_bench.report.scene import draw_scene
+from explore_bench.report.scene_colors import FREE, OCCUPIED, UNKNOWN
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.run import run_trial
+from explore_bench.trial.snapshot import Snapshot
 from explore_bench.world.scenario import Scenario
 
 NAMES = ("random", "nearest", "clairvoyant")
@@ -345,6 +350,17 @@ def test_styles_and_figures_do_not_leak(store, drawn):
     assert drawn(store)
     assert dict(matplotlib.rcParams) == before
     assert matplotlib.pyplot.get_fignums() == []
+
+
+def test_a_cell_that_is_as_likely_free_as_not_is_drawn_free_and_one_not_seen_unknown():
+    """In a replay 100, 101 and 255 stand for 0.5, 0.505 and unknown."""
+    levels = np.zeros(36, dtype=np.uint8)
+    levels[:3] = 100, 101, 255
+    made = record(rows=2)
+    axes = Figure().add_subplot()
+    draw_scene(axes, Scene(TINY, made.world, made.steps, Snapshot(None, None, None, levels.tobytes(), bytes(108), [])))
+    shown = {to_hex(patch.get_facecolor()): patch.get_path().vertices[0].tolist() for patch in axes.patches[:3]}
+    assert shown == {FREE: [0.0, 0.0], OCCUPIED: [2.0, 0.0], UNKNOWN: [4.0, 0.0]}
 
 
 def test_bands_are_intervals_around_the_mean(tmp_path):

@@ -270,6 +270,12 @@ def test_one_trial_alone_makes_a_page_that_says_there_are_no_intervals(bare):
     assert "1 strategy for exploring an unknown map, compared in 1 simulated trial on 1 world" in text
 
 
+def test_where_a_strategy_tried_two_worlds_nobody_says_that_there_are_no_intervals():
+    own = [record(trial=i, uncertainty=[200.0, 50.0]) for i in range(2)]
+    other = record(strategy="random", uncertainty=[200.0, 50.0])
+    assert not [line for line in gaps(trial_table([*own, other])) if "no intervals" in line]
+
+
 def test_what_was_not_run_or_not_trained_is_said(untrained):
     untrained("gcn-obs")
     found = gaps(trial_table([record(uncertainty=[200.0, 50.0])]))

@@ -71,13 +71,14 @@ def test_a_row_holds_the_means_of_a_metric_in_every_map(trials):
 
 
 def test_what_did_not_run_has_a_dash_and_what_did_not_explore_is_counted(trials):
+    trials.loc[:2, "status"] = ["stuck", "step_limit", "failed"]
     table = maps_table(trials)
     assert cells(table, "Random", "e [m]")["wall"] == "–"
     assert cells(table, "Random", "trials not explored")["wall"] == "–"
     assert cells(table, "Nearest", "trials not explored") | {} == {
         "Method": "Nearest",
         "": "trials not explored",
-        "hall": "0 of 4",
+        "hall": "3 of 4",
         "wall": "4 of 4",
     }
 

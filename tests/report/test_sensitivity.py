@@ -58,8 +58,9 @@ def test_a_ratio_is_of_the_worlds_that_both_have(trials):
 
 
 def test_trials_that_did_not_explore_are_counted_beside(trials):
+    trials.loc[:2, "status"] = ["stuck", "step_limit", "failed"]
     row = cells(sensitivity_table(trials), "Nearest", "trials not explored")
-    assert [*row.values()][3:] == ["0 of 4", "0 of 2", "4 of 4"]
+    assert [*row.values()][3:] == ["3 of 4", "0 of 2", "4 of 4"]
 
 
 def test_what_did_not_run_or_is_not_defined_has_a_dash(trials):

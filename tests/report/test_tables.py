@@ -152,7 +152,13 @@ def test_a_value_of_the_other_table_is_not_shown():
 
 @pytest.mark.parametrize(
     ("mean", "text"),
-    [(1.23456, "1.235 [1.135, 1.335]"), (12.3456, "12.35 [12.25, 12.45]"), (-0.5, "−0.500 [−0.600, −0.400]")],
+    [
+        (1.23456, "1.235 [1.135, 1.335]"),
+        (12.3456, "12.35 [12.25, 12.45]"),
+        (-0.5, "−0.500 [−0.600, −0.400]"),
+        (10.0, "10.00 [9.90, 10.10]"),
+        (100.0, "100.0 [99.9, 100.1]"),
+    ],
 )
 def test_numbers_are_rounded_to_what_their_size_allows(mean, text):
     assert next(r for r in made(line("nearest", mean=mean)).rows if r[0] == "Nearest")[5] == text
@@ -254,6 +260,7 @@ def test_tables_of_another_scenario_show_our_means_without_the_paper(trials):
     assert list(found) == ["means", "details", "paired"]
     own = row_of(found["means"], "Random")
     assert (own["n"], own["trials not explored"]) == ("4", "1")
+    assert row_of(found["means"], "Nearest")["trials not explored"] == "2"
     [beside] = [row for row in report_tables(trials, summary_table(trials))["table2"].rows if row[0] == "Random"]
     assert [own["e [m]"], own["η [m²/step]"]] == [cell for cell in beside if "[" in cell]
     assert "paper" not in found["means"].markdown().lower()

@@ -12,7 +12,13 @@ import pytest
 from handmade import record, with_spec
 from matplotlib.colors import to_hex
 
-from explore_bench.analysis.training_curve import CURVE_COLUMNS, CURVE_WINDOW, curve_path
+from explore_bench.analysis.training_curve import (
+    CURVE_COLUMNS,
+    CURVE_WINDOW,
+    TRAINING_METRICS,
+    curve_path,
+    training_values,
+)
 from explore_bench.errors import RequestError
 from explore_bench.report import drawing
 from explore_bench.report.figures import _by_world
@@ -73,6 +79,19 @@ def drawn(monkeypatch, tmp_path):
 
 
 STRAIGHT = curve([10_000, 20_000, 30_000], reward=[-3.0, -2.0, -1.0], efficiency=[0.5, 0.6, 0.7], error=[3.0, 2.0, 1.0])
+
+
+def test_early_and_final_reward_worked_by_hand():
+    """Thirty rows of 10 000 steps with rewards 1 to 30: the first twenty, the last of them at step 200 000; three."""
+    own = curve(10_000.0 * np.arange(1, 31), reward=np.arange(1.0, 31.0))
+    assert TRAINING_METRICS["early_reward"].value(own) == 10.5
+    assert TRAINING_METRICS["final_reward"].value(own) == 29.0
+    assert TRAINING_METRICS["final_reward"].value(own[:9]) == 9.0
+
+
+def test_training_values_are_by_training_seed(ship):
+    ship(gcn_obs=[STRAIGHT, None, STRAIGHT.assign(reward=[0.0, 1.0, 5.0])])
+    assert training_values(training.strategies()["gcn-obs"], "final_reward") == {0: -1.0, 2: 5.0}
 
 
 def test_the_curve_lies_beside_the_weights(tmp_path):

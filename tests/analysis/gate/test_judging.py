@@ -1,5 +1,6 @@
 """Verdicts worked by hand and on real trials, rates of false and of missed alarms, the command and its codes."""
 
+import dataclasses
 import itertools
 import json
 import math
@@ -213,6 +214,7 @@ def test_a_trial_that_fails_where_it_had_explored_is_counted_and_scored(real):
     )
     gate = judge([threshold()], real("nearest"), now)
     assert gate.judgements[0].pair.unexplored == (0, 25)
+    assert gate_table(gate, Path("a"), Path("b")).rows[0][9] == "0 → 25"
     assert gate.verdict is Verdict.REGRESSED
 
 
@@ -234,7 +236,26 @@ def test_a_gate_that_lacks_something_says_so_whatever_else_it_found(real):
         real("random"),
     )
     assert [own.decision.verdict for own in gate.judgements] == [Verdict.REGRESSED, Verdict.MISSING]
+    assert gate.judgements[1].power > 0.0, "it is of what would be run"
     assert gate.verdict is Verdict.MISSING
+
+
+@pytest.mark.parametrize(
+    ("gains", "verdict"),
+    [
+        ((0.2, 0.0), Verdict.IMPROVED),
+        ((0.2, -0.05), Verdict.INCONCLUSIVE),
+        ((0.0, -0.05), Verdict.INCONCLUSIVE),
+        ((-0.2, -0.05), Verdict.REGRESSED),
+        ((-0.2, 0.2), Verdict.REGRESSED),
+    ],
+)
+def test_what_fails_or_is_not_shown_outweighs_what_is_better(gains, verdict):
+    before = pd.concat([trial_rows(1.0 + NOISE, size=size) for size in (20.0, 30.0)])
+    now = pd.concat(
+        [trial_rows(1.0 + own + NOISE[::-1], size=size) for own, size in zip(gains, (20.0, 30.0), strict=True)]
+    )
+    assert judge([threshold(), threshold(size=30.0)], before, now).verdict is verdict
 
 
 def test_the_verdict_does_not_depend_on_the_order_of_rows(real):
@@ -256,8 +277,23 @@ def test_the_table_says_what_to_do_about_every_verdict(real):
     better = gate_table(judge([threshold()], real("random"), real("uncertainty")), Path("a"), Path("b"))
     assert "accept what is better" in better.note
     assert re.fullmatch(r"−\d+\.\d \[−\d+\.\d, −\d+\.\d\] %", better.rows[0][6])
-    unclear = gate_table(judge([threshold()], real("entropy"), real("uncertainty")), Path("a"), Path("b"))
-    assert "inconclusive" not in unclear.title or "More worlds tell" in unclear.note
+
+
+@pytest.mark.parametrize(("loss", "verdict", "advised"), [(0.0, "pass", False), (0.05, "inconclusive", True)])
+def test_more_worlds_are_advised_where_nothing_is_shown(loss, verdict, advised):
+    table = gate_table(judge([threshold()], STEADY, trial_rows(1.0 - loss + NOISE[::-1])), Path("a"), Path("b"))
+    assert table.rows[0][-1] == verdict
+    assert ("More worlds tell" in table.note) == advised
+
+
+def test_the_table_shows_corrected_p_values_and_no_more_power_than_there_is():
+    rows = pd.concat((STEADY, trial_rows(1.0 + NOISE, size=30.0)))
+    worse = rows.assign(exploration_efficiency=0.95 * rows["exploration_efficiency"])
+    gate = judge([threshold(), threshold(size=30.0)], rows, worse)
+    gate = dataclasses.replace(gate, judgements=tuple(dataclasses.replace(own, power=0.899) for own in gate.judgements))
+    for row in gate_table(gate, Path("a"), Path("b")).rows:
+        assert row[8] == "1.0000"
+        assert row[10] == "89 %"
 
 
 # The command

@@ -21,6 +21,10 @@ def test_a_loss_is_the_change_for_the_worse_over_the_mean_of_the_reference():
     np.testing.assert_allclose(pair_up(GAIN, before, now).losses, [-0.1, 0.1])
 
 
+def test_a_loss_from_a_negative_mean_is_a_loss():
+    np.testing.assert_allclose(pair_up(ERROR, trials([-1.0, -3.0]), trials([-0.8, -3.2])).losses, [0.1, -0.1])
+
+
 def test_the_mean_loss_is_the_relative_change_of_the_mean():
     pair = pair_up(GAIN, trials([1.0, 2.0, 6.0]), trials([0.9, 1.8, 5.4]))
     assert pair.losses.mean() == pytest.approx(0.1)

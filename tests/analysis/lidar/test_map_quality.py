@@ -6,6 +6,7 @@ from handmade_lidar import lidar_record, perfect_map
 from lidar_worlds import SMALL, drawn
 
 from explore_bench.analysis.lidar.map_quality import map_quality
+from explore_bench.analysis.lidar.metrics import METRICS
 from explore_bench.trial.snapshot import FREE, OCCUPIED, UNKNOWN
 
 WORLD = drawn(8.0, (3.0, 4.0, 0.1, 5.0), start=(1.0, 1.0, 0.0))
@@ -46,6 +47,15 @@ def test_walls_are_right_within_one_and_two_cells(shift, one, two):
         assert (own.wall_recall(within) > 0.97) == right
         assert (own.wall_f1(within) > 0.98) == right
         assert own.wall_f1(within) > 0.35
+
+
+@pytest.mark.parametrize("name", ["wall_precision", "wall_recall", "wall_f1"])
+def test_the_metrics_of_walls_are_those_within_as_many_cells_as_their_names_say(name):
+    made = lidar_record(world=WORLD, fine_map=moved(perfect_map(WORLD), 2), x=[1.0], y=[1.0])
+    one, two = (METRICS[f"{name}_{within}"].value(made) for within in (1, 2))
+    own = map_quality(made)
+    assert (one, two) == (getattr(own, name)(1), getattr(own, name)(2))
+    assert one < two
 
 
 def test_precision_asks_for_what_is_there_and_recall_for_what_is_missing():

@@ -5,11 +5,14 @@ import pytest
 from handmade import with_spec
 from handmade_lidar import lidar_record, perfect_map
 from lidar_worlds import drawn
+from matplotlib.colors import same_color
 
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import summary_table, trial_table
 from explore_bench.report.aggregates import aggregate_tables
 from explore_bench.report.agreement import agreement_tables
+from explore_bench.report.drawing import entry_of
+from explore_bench.report.lidar.figures import ranking
 from explore_bench.report.lidar.tables import paired_table, stage_table, tables
 from explore_bench.report.tables import kind_tables, report_tables
 
@@ -86,6 +89,19 @@ def test_differences_are_to_the_baseline_by_scenario_over_the_worlds_that_both_t
     assert row(table, "Random", "Nearest", "range 5 m")["T98 [s]"] == "0.000"
 
 
+def test_the_figure_has_the_mean_of_every_strategy_in_its_colour_and_an_interval_where_two_worlds_tell_one(trials):
+    figure = ranking(trials[trials["trial"] < 2])
+    names = [label.get_text().lower() for label in figure.axes[0].get_yticklabels()]
+    axes = {axes.get_title(): axes for axes in figure.axes}
+    for title, wanted in (
+        ("stage, 8 m", {"nearest": (27.5, True), "random": (41.25, True)}),
+        ("range 5 m, 8 m", {"nearest": (17.5, True), "random": (15.0, False)}),
+    ):
+        for bar, name in zip(axes[title].containers, names, strict=True):
+            assert (bar[0].get_xdata()[0], bar.has_xerr) == wanted[name]
+            assert same_color(bar[0].get_color(), entry_of(name).color)
+
+
 def test_without_the_baseline_there_is_no_table_of_differences(trials):
     assert list(tables(trials)) == ["stage", "stage-paired"]
     assert list(tables(trials[trials["strategy"] == "random"])) == ["stage"]
@@ -104,13 +120,15 @@ def test_what_is_missing_is_a_dash_and_never_nan():
     made = [
         *(trial(100, number=n) for n in range(2)),
         trial(100, number=2, status="stuck"),
+        trial(100, number=3, status="step_limit"),
         lidar_record("failed", rows=0, strategy="random", trial=7, world=WORLD),
     ]
     rows = trial_table(made)
     shown = tables(rows)
     assert row(shown["stage"], "Nearest")["ATE [m]"] == "–"
     assert row(shown["stage"], "Random")["wall F1, 1 cell"] == "–"
-    assert row(shown["stage"], "Nearest")["not explored"] == "1"
+    assert row(shown["stage"], "Nearest")["not explored"] == "2"
+    assert row(shown["stage"], "Random")["not explored"] == "1"
     assert set(row(shown["stage-paired"], "Random").values()) == {"Random", "Nearest", "stage", "8", "0", "–"}
     for table in every_table(made).values():
         assert "nan" not in table.markdown() + table.csv()
