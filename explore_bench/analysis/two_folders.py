@@ -108,11 +108,16 @@ def _common(a: pd.DataFrame, b: pd.DataFrame) -> tuple[list[pd.DataFrame], list[
     said = []
     for name, own in zip(("A", "B"), keys, strict=True):
         only = Counter(_place(key) for key in own - common)
-        said += [f"{place}: {count} worlds only in {name}" for place, count in sorted(only.items())]
+        said += [f"{place}: {count} world{'s' * (count > 1)} only in {name}" for place, count in sorted(only.items())]
     for table, name in zip(kept, ("A", "B"), strict=True):
         failed = int((table["status"] != "explored").sum())
         if failed:
-            said.append(f"{failed} trials of {name} did not explore; they are scored by the rule for such trials")
+            who = (
+                f"1 trial of {name} did not explore; it is"
+                if failed == 1
+                else f"{failed} trials of {name} did not explore; they are"
+            )
+            said.append(f"{who} scored by the rule for such trials")
     return kept, said + _unlike_seeds(*kept)
 
 

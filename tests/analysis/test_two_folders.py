@@ -105,7 +105,7 @@ def test_only_the_same_worlds_are_compared_and_the_others_are_counted(folders):
 def test_trials_that_did_not_explore_take_part_and_are_said(folders, status):
     found = compare_folders(*folders(rows([1.0, 1.0]), rows([1.0]) + rows([9.0], first=1, status=status)))
     assert found.differences[0].n == 2
-    assert found.left_out == ("1 trials of B did not explore; they are scored by the rule for such trials",)
+    assert found.left_out == ("1 trial of B did not explore; it is scored by the rule for such trials",)
 
 
 def test_training_seeds_are_averaged_within_a_world_first(folders):
@@ -154,7 +154,7 @@ def test_the_table_and_the_json_say_the_same(folders):
     assert table.rows[0][:4] == ("Nearest", "20", "e [m]", "50")
     assert table.rows[0][6].startswith("0.200 [")
     assert table.rows[0][-1] == "worse"
-    assert "- nearest, 20 m: 1 worlds only in B" in table.note
+    assert "- nearest, 20 m: 1 world only in B" in table.note
     values = json.loads(json.dumps(found.values(), allow_nan=False))
     assert values["differences"][0]["difference"]["mean"] == pytest.approx(0.2)
     assert values["left_out"] == list(found.left_out)

@@ -89,3 +89,14 @@ def test_table_and_figure_are_written_with_the_same_bytes_twice(trials, tmp_path
     first = {path: path.read_bytes() for path in write_sensitivity(trials, tmp_path)}
     assert {path.name for path in first} >= {"sensitivity.md", "sensitivity.svg"}
     assert first == {path: path.read_bytes() for path in write_sensitivity(trials, tmp_path)}
+
+
+def test_the_figure_shows_the_means_that_the_table_tells(trials):
+    """Over worlds, however many trials one has, and none where one of them has no value."""
+    twice = pd.DataFrame(rows("odometry noise × 4", [4.0]))
+    figure = sensitivity_figure(pd.concat((trials, twice), ignore_index=True))
+    line = next(line for line in figure.axes[0].lines if line.get_label() == "Nearest")
+    assert line.get_ydata().tolist() == [BASE.mean(), 5.0]
+    trials.loc[trials["scenario"] == "odometry noise × 4", "trajectory_error"] = [4.0, math.nan]
+    line = next(line for line in sensitivity_figure(trials).axes[0].lines if line.get_label() == "Nearest")
+    assert math.isnan(line.get_ydata()[1])

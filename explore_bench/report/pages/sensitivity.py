@@ -98,8 +98,8 @@ def sensitivity_figure(trials: pd.DataFrame) -> Figure | None:
     for column, (constant, places) in enumerate(shown.items()):
         for row, metric in enumerate(PAPER_METRICS):
             for name, cell in groups:
-                means = cell[cell["scenario"].isin(places)].groupby("scenario")[metric].mean()
-                points = sorted((places[str(scenario)], float(value)) for scenario, value in means.items())
+                own = {str(scenario): by_world(part, metric) for scenario, part in cell.groupby("scenario")}
+                points = sorted((places[where], np.mean([*own[where].values()])) for where in places if where in own)
                 style = "--" if entry_of(name).reference else "-"
                 x, y = zip(*points, strict=True) if points else ((), ())
                 grid[row, column].plot(
