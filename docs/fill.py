@@ -141,6 +141,11 @@ def stage_frontiers() -> str:
     return _markdown(pd.read_csv(STUDIES / "stage-frontiers.csv"))
 
 
+def stage_tuning() -> str:
+    """What training in lidar worlds adds."""
+    return _markdown(pd.read_csv(STUDIES / "stage-tuning.csv"))
+
+
 def stage_results() -> str:
     """The table of the suites of lidar worlds, as `explore-bench report` wrote it, its most telling columns."""
     frames = [pd.read_csv(ROOT / "results" / suite / "tables" / "stage.csv") for suite in ("stage", "plans")]
@@ -411,6 +416,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "stage-choices": stage_choices,
     "stage-slam": stage_slam,
     "stage-frontiers": stage_frontiers,
+    "stage-tuning": stage_tuning,
     "stage-view": stage_view,
     "stage-results": stage_results,
     "stage-transfer": stage_transfer,

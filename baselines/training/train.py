@@ -164,6 +164,8 @@ class Training:
         self.origin: dict[str, Any] = {}
         if start is not None:
             self.origin = {"start": {"weights": start.name, "sha256": load_weights(self.network, start)["sha256"]}}
+        if start is not None and start.is_relative_to(Path.cwd()):  # the card is read on other machines
+            start = start.relative_to(Path.cwd())
         told = {"--scenario": scenario, "--from": start}
         self._options = "".join(f" {option} {value}" for option, value in told.items() if value is not None)
         self.learner = self.recipe.learner(self.network, self.course, self.recipe.settings)

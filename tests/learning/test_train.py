@@ -339,6 +339,7 @@ def test_weights_to_start_from_are_kept_where_nothing_that_follows_is_better(tmp
 
     monkeypatch.setattr(training, "greedy", greedy)
     name = "graph-stnn"
+    monkeypatch.chdir(begin.parent)
     training.train(name, STRATEGIES[name], 0, 8, False, tmp_path / "after", lambda _: None, start=begin)
     assert same(seen[0], load_file(begin))
     assert not same(seen[1], seen[0]), "it learns"
@@ -347,7 +348,7 @@ def test_weights_to_start_from_are_kept_where_nothing_that_follows_is_better(tmp
     card = checkpoint.read_card(tmp_path / "after" / "graph-stnn-0.safetensors")
     assert card["start"] == {"weights": begin.name, "sha256": checkpoint.read_card(begin)["sha256"]}
     assert card["episodes"] == 0
-    assert card["command"] == f"explore-bench train graph-stnn --seed 0 --episodes 1 --from {begin}"
+    assert card["command"] == f"explore-bench train graph-stnn --seed 0 --episodes 1 --from {begin.name}"
 
 
 def test_a_training_goes_on_from_the_weights_from_which_it_began(call, refused, tmp_path):
