@@ -25,10 +25,10 @@ bench-smoke: $(READY)    ## The paper's suite in small, in under a minute, into 
 robustness: $(READY)     ## Every strategy under other noise, ranges, densities and occlusion, into results/robustness
 	@$(call suite,robustness,results/robustness)
 
-stage: $(READY)          ## The compared methods in lidar worlds at two ranges, into results/stage; some hours
+stage: $(READY)          ## The compared methods in lidar worlds at two ranges, into results/stage; half an hour
 	@$(call suite,stage,results/stage)
 
-plans: $(READY)          ## Five methods in drawn floor plans with a lidar, into results/plans; some hours
+plans: $(READY)          ## Five methods in drawn floor plans with a lidar, into results/plans; three quarters of an hour
 	@$(call suite,plans,results/plans)
 
 gate: $(READY)           ## Is a metric worse than results/reference tolerates? A minute, into results/gate

@@ -40,7 +40,7 @@ STAGE_COLUMNS = (
     *("Method", "scenario", "n", "not explored", "T90 [s]", "T98 [s]", "L90 [m]", "L [m]", "D", "in vain"),
     *("e [m]", "ATE [m]", "NEES", "wall F1, 1 cell", "closures, true", "closures, false", "closures, missed", "C"),
 )
-"""Columns of results/stage and results/plans that docs/stage.md shows."""
+"""Columns of results/stage that docs/stage.md shows."""
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
 OURS = "graph-stnn-plus"
@@ -147,20 +147,15 @@ def stage_tuning() -> str:
 
 
 def stage_results() -> str:
-    """The table of the suites of lidar worlds, as `explore-bench report` wrote it, its most telling columns."""
-    frames = [pd.read_csv(ROOT / "results" / suite / "tables" / "stage.csv") for suite in ("stage", "plans")]
-    return _markdown(pd.concat(frames)[list(STAGE_COLUMNS)].fillna("–"))
+    """The table of the suite `stage`, as `explore-bench report` wrote it, its most telling columns."""
+    table = pd.read_csv(ROOT / "results" / "stage" / "tables" / "stage.csv")
+    return _markdown(table[list(STAGE_COLUMNS)].fillna("–"))
 
 
 def stage_transfer() -> str:
     """What the comparisons of learned strategies in lidar worlds found, one sentence each."""
-    claims = [
-        claim
-        for suite in ("stage", "plans")
-        for claim in json.loads((ROOT / "results" / suite / "claims.json").read_text(encoding="utf-8"))
-    ]
     lines = []
-    for claim in claims:
+    for claim in json.loads((ROOT / "results" / "stage" / "claims.json").read_text(encoding="utf-8")):
         lines.append(f"**{claim['claim']}**: {claim['verdict']}.\n")
         lines += [f"- {comparison['sentence']}" for comparison in claim["comparisons"]]
         lines.append("")

@@ -22,7 +22,7 @@ from explore_bench.robot.lidar.navigator import Navigator, Offer
 from explore_bench.robot.lidar.terrain import Ways, length_of
 from explore_bench.world.scenarios import load_scenario
 
-SCENES = 24
+SCENES = 12
 
 HERE = Path(__file__).parent
 

@@ -2,8 +2,8 @@
 
     python docs/studies/stage_tuning.py [--store FOLDER]
 
-Both in the scenes of the suites `stage` and `plans`; as it is they are those of results/stage and results/plans. The
-study resumes from its store and writes stage-tuning.csv beside this file; docs/stage.md tells more.
+Both in the scenes of the suite `stage`; what it does as it is comes from results/stage. The study resumes from its
+store and writes stage-tuning.csv beside this file; docs/stage.md tells more.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.statistics import paired_difference
 from explore_bench.analysis.tables import by_world, trial_table
 from explore_bench.records.store import Store, missing
@@ -34,17 +33,16 @@ def main() -> None:
     store = Store(parser.parse_args().store)
     store.open(0, "evaluate", scenario=None)
     rows = []
-    for suite in ("stage", "plans"):
-        specs = plan(suite, [f"graph-stnn-plus[weights={WEIGHTS}]"]).specs
-        for _ in execute(list(missing(store, specs)), store, default_workers()):
-            pass
-        tuned = trial_table([store.find(spec) for spec in specs])
-        before = read_csv(ROOT / "results" / suite / "trials.csv")
-        before = before[before["strategy"] == "graph-stnn-plus"]
-        for scenario in dict.fromkeys(tuned["scenario"]):
-            own, other = (trials[trials["scenario"] == scenario] for trials in (tuned, before))
-            rows.append({"scenes": scenario, **compared(own, other)})
-            print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+    specs = plan("stage", [f"graph-stnn-plus[weights={WEIGHTS}]"]).specs
+    for _ in execute(list(missing(store, specs)), store, default_workers()):
+        pass
+    tuned = trial_table([store.find(spec) for spec in specs])
+    before = pd.read_csv(ROOT / "results" / "stage" / "trials.csv")
+    before = before[before["strategy"] == "graph-stnn-plus"]
+    for scenario in dict.fromkeys(tuned["scenario"]):
+        own, other = (trials[trials["scenario"] == scenario] for trials in (tuned, before))
+        rows.append({"scenes": scenario, **compared(own, other)})
+        print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     pd.DataFrame(rows).to_csv(HERE / "stage-tuning.csv", index=False)
 
 

@@ -23,7 +23,7 @@ from explore_bench.trial.run import run_trial
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import load_scenario
 
-SCENES = 12
+SCENES = 8
 
 STRATEGIES = ("entropy", "graph-stnn", "graph-stnn-plus")
 
