@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from explore_bench.compiled import jit
 from explore_bench.geometry import Array
 
 NEAR = 4.0
@@ -36,50 +36,62 @@ class Chain(NamedTuple):
     linked: bool
 
 
-def chains(poses: Array, links: Sequence[Sequence[int]], end: int) -> list[Chain]:
-    """Chains of key poses before number `end` that pass near the newest pose, of poses of shape (N, 3).
+def due(newest: int) -> tuple[bool, bool]:
+    """Whether this key pose is to be matched with chains that are linked, and with those that are not."""
+    return newest % LINK_SPACING == 0, newest % LOOP_SPACING == 0
 
-    `links` holds, for each pose, the numbers of those that a factor joins to it.
+
+def chains(poses: Array, links: NDArray[np.int64], end: int) -> list[Chain]:
+    """Chains of key poses before number `end` that pass near the newest of all, the linked ones first.
+
+    Parameters
+    ----------
+    poses : of all key poses, shape (N, 3).
+    links : numbers of the two poses that each factor joins, the later ones last, shape (L, 2).
     """
-    return _chains(poses, links, end, (True, False))
+    runs = _chains(poses, links, end).tolist()
+    found = [Chain(first, stop, closest, linked == 1) for first, stop, closest, linked in runs]
+    return sorted(found, key=lambda chain: not chain.linked)
 
 
-def chains_due(poses: Array, links: Sequence[Sequence[int]], end: int) -> list[Chain]:
+def chains_due(poses: Array, links: NDArray[np.int64], end: int) -> list[Chain]:
     """Those of the `chains` with which the newest pose is to be matched: not every pose looks for all of them."""
-    newest = len(poses) - 1
-    due = tuple(linked for linked, spacing in ((True, LINK_SPACING), (False, LOOP_SPACING)) if newest % spacing == 0)
-    return _chains(poses, links, end, due) if due else []
-
-
-def _chains(poses: Array, links: Sequence[Sequence[int]], end: int, kinds: tuple[bool, ...]) -> list[Chain]:
-    newest = len(poses) - 1
-    distances = np.hypot(*(poses[:, :2] - poses[newest, :2]).T)
-    near = distances <= NEAR
-    if not near[:end].any():
+    linked, unlinked = due(len(poses) - 1)
+    if not (linked or unlinked):
         return []
+    return [chain for chain in chains(poses, links, end) if (linked if chain.linked else unlinked)]
+
+
+@jit
+def _chains(poses: Array, links: NDArray[np.int64], end: int) -> NDArray[np.int64]:
+    """Compiled part of `chains`, a row each, ascending."""
+    newest = poses.shape[0] - 1
+    squared = (poses[:, 0] - poses[newest, 0]) ** 2 + (poses[:, 1] - poses[newest, 1]) ** 2
+    near = squared <= NEAR * NEAR
     linked = _linked(near, links, newest)
-    found = []
-    for kind in kinds:
-        for first, stop in _runs(near[:end] & (linked[:end] == kind)):
-            if stop - first >= CHAIN:
-                found.append(Chain(first, stop, first + int(distances[first:stop].argmin()), kind))
-    return found
+    found = np.empty((end // CHAIN, 4), dtype=np.int64)
+    count = first = 0
+    for stop in range(1, end + 1):
+        if stop < end and near[stop] == near[first] and linked[stop] == linked[first]:
+            continue
+        if near[first] and stop - first >= CHAIN:
+            found[count, 0], found[count, 1], found[count, 3] = first, stop, linked[first]
+            found[count, 2] = first + squared[first:stop].argmin()
+            count += 1
+        first = stop
+    return found[:count]
 
 
-def _linked(near: NDArray[np.bool_], links: Sequence[Sequence[int]], start: int) -> NDArray[np.bool_]:
+@jit
+def _linked(near: NDArray[np.bool_], links: NDArray[np.int64], start: int) -> NDArray[np.bool_]:
     """Which poses can be reached from one by links between poses that are all near, shape (N,)."""
-    reached = np.zeros(len(near), dtype=bool)
+    reached = np.zeros(near.shape[0], dtype=np.bool_)
     reached[start] = True
-    open_ = [start]
-    while open_:
-        for other in links[open_.pop()]:
-            if near[other] and not reached[other]:
-                reached[other] = True
-                open_.append(other)
+    spreading = True
+    while spreading:
+        spreading = False
+        for k in range(links.shape[0] - 1, -1, -1):  # from late to early, as most links lead
+            one, other = links[k, 0], links[k, 1]
+            if reached[one] != reached[other] and near[one] and near[other]:
+                reached[one] = reached[other] = spreading = True
     return reached
-
-
-def _runs(members: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and one past the last of each run of consecutive members."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], members, [False])).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -34,6 +34,7 @@ class TailFilter:
         joint = np.empty((size + 3, size + 3))
         joint[:size, :size] = self.joint
         _advance(joint, size, motion, covariance)
+        _mirror(joint, size + 3)
         self.joint = joint
         self.numbers.append(self.numbers[-1] + 1)
 
@@ -41,6 +42,7 @@ class TailFilter:
         """Take in where the newest pose is, seen from an earlier one of those that are kept."""
         self.joint = self.joint.copy()
         _measure(self.joint, len(self.joint), 3 * self.numbers.index(earlier), motion, covariance)
+        _mirror(self.joint, len(self.joint))
 
     def keep(self, numbers: list[int]) -> None:
         """Forget all but these poses and the newest."""
@@ -75,55 +77,73 @@ def smoothed(joint: Array, ends: NDArray[np.int64], motions: Array, covariances:
             size += 3
         else:
             _measure(result, size, 3 * ends[k, 0], motion, covariances[k])
+    _mirror(result, size)
     return result
 
 
 @jit
 def _advance(joint: Array, size: int, motion: Pose, covariance: Array) -> None:
-    """Fill the rows and columns of the pose after the newest, of which the first `size` hold the poses so far."""
+    """Fill the rows of the pose after the newest, as far as the diagonal; the first `size` hold the poses so far.
+
+    Here and in `_measure` only what is on and below the diagonal is read and written: rows lie together in memory.
+    """
     carry = adjoint_of_inverse(motion)
-    for j in range(size):
-        for i in range(3):
-            total = 0.0
-            for k in range(3):
-                total += carry[i, k] * joint[size - 3 + k, j]
-            joint[size + i, j] = joint[j, size + i] = total
+    last = size - 3
     for i in range(3):
-        for j in range(i, 3):
-            total = covariance[i, j]
+        for j in range(last):
+            joint[size + i, j] = 0.0
             for k in range(3):
-                total += joint[size + i, size - 3 + k] * carry[j, k]
-            joint[size + i, size + j] = joint[size + j, size + i] = total
+                joint[size + i, j] += carry[i, k] * joint[last + k, j]
+        for j in range(3):
+            joint[size + i, last + j] = 0.0
+            for k in range(3):
+                joint[size + i, last + j] += carry[i, k] * joint[last + max(j, k), last + min(j, k)]
+    for i in range(3):
+        for j in range(i + 1):
+            joint[size + i, size + j] = covariance[i, j]
+            for k in range(3):
+                joint[size + i, size + j] += joint[size + i, last + k] * carry[j, k]
 
 
 @jit
 def _measure(joint: Array, size: int, place: int, motion: Pose, covariance: Array) -> None:
-    """Condition the first `size` rows and columns on the newest pose as seen from the one whose rows begin at `place`.
+    """Condition the first `size` rows on the newest pose as seen from the one whose rows begin at `place`.
 
     With S = L Lᵀ what is taken off is W Wᵀ, W = spread L⁻ᵀ: symmetric to the last digit, since what is not, grows.
     """
     carry = adjoint_of_inverse(motion)
-    spread = np.empty((size, 3))
-    for i in range(size):
-        for j in range(3):
-            spread[i, j] = joint[i, size - 3 + j]
-            for k in range(3):
-                spread[i, j] -= joint[i, place + k] * carry[j, k]
+    last = size - 3
+    spread = np.empty((3, size))  # covariance of the surprise with all
+    for j in range(3):
+        for i in range(size):
+            spread[j, i] = joint[last + j, i] if i <= last + j else joint[i, last + j]
+        for k in range(3):
+            for i in range(place + k + 1):
+                spread[j, i] -= carry[j, k] * joint[place + k, i]
+            for i in range(place + k + 1, size):
+                spread[j, i] -= carry[j, k] * joint[i, place + k]
     surprise = covariance.copy()
     for i in range(3):
         for j in range(3):
-            surprise[i, j] += spread[size - 3 + i, j]
+            surprise[i, j] += spread[j, last + i]
             for k in range(3):
-                surprise[i, j] -= carry[i, k] * spread[place + k, j]
+                surprise[i, j] -= carry[i, k] * spread[j, place + k]
     root = np.linalg.cholesky(surprise)
     for i in range(size):
-        spread[i, 0] /= root[0, 0]
-        spread[i, 1] = (spread[i, 1] - root[1, 0] * spread[i, 0]) / root[1, 1]
-        spread[i, 2] = (spread[i, 2] - root[2, 0] * spread[i, 0] - root[2, 1] * spread[i, 1]) / root[2, 2]
+        spread[0, i] /= root[0, 0]
+        spread[1, i] = (spread[1, i] - root[1, 0] * spread[0, i]) / root[1, 1]
+        spread[2, i] = (spread[2, i] - root[2, 0] * spread[0, i] - root[2, 1] * spread[1, i]) / root[2, 2]
     for i in range(size):
+        a, b, c = spread[0, i], spread[1, i], spread[2, i]
         for j in range(i + 1):
-            off = spread[i, 0] * spread[j, 0] + spread[i, 1] * spread[j, 1] + spread[i, 2] * spread[j, 2]
-            joint[i, j] -= off
+            joint[i, j] -= a * spread[0, j] + b * spread[1, j] + c * spread[2, j]
+
+
+@jit
+def _mirror(joint: Array, size: int) -> None:
+    """Fill what is above the diagonal of the first `size` rows."""
+    for i in range(size):
+        for j in range(i):
             joint[j, i] = joint[i, j]
 
 

@@ -14,11 +14,11 @@ from scipy import ndimage
 from explore_bench.geometry import Array, Pose, compose, wrap_angle
 from explore_bench.geometry.rays import cast, leaps
 from explore_bench.robot.belief import Belief, FineMap, peak_traces
-from explore_bench.robot.lidar.closures import chains_due
+from explore_bench.robot.lidar.closures import chains_due, due
 from explore_bench.robot.lidar.decision_grid import cells_in_view, patch_reach, seen_patch
 from explore_bench.robot.lidar.filtering import betweens, smoothed, turns_of
 from explore_bench.robot.lidar.odometry import OdometryModel
-from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, Posterior, rows_of
+from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, Posterior, joins_of, rows_of
 from explore_bench.robot.lidar.slam import (
     KEY_DISTANCE,
     KEY_TURN,
@@ -120,8 +120,7 @@ class LidarGraph:
     @property
     def closures(self) -> NDArray[np.int64]:
         """Numbers of the two key poses (earlier, later) that each loop closure so far joined, shape (L, 2)."""
-        closed = [(link.earlier, link.later) for link in self.links if link.robust]  # none other may be wrong
-        return np.array(closed, dtype=np.int64).reshape(-1, 2)
+        return joins_of([link for link in self.links if link.robust])  # none other may be wrong
 
     def predict(self, belief: Belief, places: Array) -> LidarPrediction:
         """Propagate the belief along places [m] to drive through in order, shape (P, 2)."""
@@ -192,13 +191,8 @@ class LidarGraph:
         return leaps(self.fine.occupied, self.fine.grid)
 
     @cached_property
-    def _joined(self) -> list[list[int]]:
-        """Numbers of the poses that a link joins to each."""
-        joined: list[list[int]] = [[] for _ in self.poses]
-        for link in self.links:
-            joined[link.earlier].append(link.later)
-            joined[link.later].append(link.earlier)
-        return joined
+    def _joins(self) -> NDArray[np.int64]:
+        return joins_of(self.links)
 
     def _expected(self, belief: Belief, poses: Array) -> _Expected:
         """Links that the predicted key poses would bring."""
@@ -206,21 +200,21 @@ class LidarGraph:
         trajectory = np.concatenate((belief.poses, poses))
         driven = betweens(trajectory[past - 1 : -1], trajectory[past:])
         odometry = self.odometry.covariance(driven, np.hypot(*driven[:, :2].T), np.abs(driven[:, 2]))
-        joined = [*self._joined, *([] for _ in poses)]
         ends: list[tuple[int, int]] = []
         covariances: list[Array] = []
 
         def add(earlier: int, later: int, covariance: Array) -> None:
             ends.append((earlier, later))
             covariances.append(covariance)
-            joined[earlier] = [*joined[earlier], later]
-            joined[later] = [*joined[later], earlier]
 
         closures = 0
         for newest in range(past, total):
             add(newest - 1, newest, odometry[newest - past] + MATCH_COVARIANCE)
             add(anchor_at(max(newest - EXPECTED_LAG, 0), newest), newest, MATCH_COVARIANCE)
-            for chain in chains_due(trajectory[: newest + 1], joined, max(newest - WINDOW, 0)):
+            if not any(due(newest)):
+                continue
+            joins = np.concatenate((self._joins, np.array(ends)))
+            for chain in chains_due(trajectory[: newest + 1], joins, max(newest - WINDOW, 0)):
                 closures += not chain.linked
                 add(chain.closest, newest, MATCH_COVARIANCE)
         joins = np.array(ends)

@@ -45,6 +45,11 @@ class Link(NamedTuple):
     robust: bool = False
 
 
+def joins_of(links: Sequence[Link]) -> NDArray[np.int64]:
+    """Numbers of the two poses that each link joins, shape (L, 2)."""
+    return np.array([(link.earlier, link.later) for link in links], dtype=np.int64).reshape(-1, 2)
+
+
 class PoseGraph:
     """Key poses, numbered from 0, and the factors between them."""
 

@@ -13,13 +13,13 @@ import math
 
 import numpy as np
 
-from explore_bench.geometry import Array, Pose, between, compose
-from explore_bench.robot.lidar.closures import chains_due
+from explore_bench.geometry import Array, Pose, between, compose, wrap_angle
+from explore_bench.robot.lidar.closures import chains_due, due
 from explore_bench.robot.lidar.filtering import TailFilter, rotated
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match, Matcher, Surfaces, Window, surfaces_of
 from explore_bench.robot.lidar.odometry import OdometryModel
-from explore_bench.robot.lidar.pose_graph import Link, PoseGraph
+from explore_bench.robot.lidar.pose_graph import Link, PoseGraph, joins_of
 from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import RangeScan
@@ -54,6 +54,10 @@ WINDOW_SIGMAS, WIDEST_TURN = 3.0, math.radians(45.0)
 CHAIN_SIGMAS = 0.01, 0.01, 0.003
 """What a match with a chain leaves open of where its closest pose is: the chain bends, and others tell of it, too."""
 
+SETTLE_SHARE = 0.03
+"""Links to the past move the graph at once where they disagree with it by more than half a cell of the map; others when
+so many key poses as a share of all have been added since: where the robot comes again and again, most tell little."""
+
 REFRESH, REFRESH_SHARE = 10, 0.1
 """All marginals are computed anew after so many key poses, or when so many more as a share of all have been added: what
 later ones tell of a pose is little, and computing it costs a tenth of a millisecond a pose."""
@@ -83,11 +87,11 @@ class Slam:
         self.poses: Array = np.array([start])
         self.covariances: Array
         self.links: list[Link] = []
-        self._joined: list[list[int]] = [[]]
         self.closures: list[Link] = []
         self.unmatched = self.refreshed = 0
         self._ranges: list[Array] = []
         self._placed: list[Pose] = []
+        self._unsettled = False
         self._keep(scan, start, surfaces_of(scan.ranges, scenario.sensor_range))
         self._last_match: Array | None = np.zeros(3)  # variances along, across and of the heading
         self.refresh()
@@ -99,7 +103,7 @@ class Slam:
         return x, y, heading
 
     def update(self, motion: Pose, length: float, turned: float, scan: RangeScan) -> float:
-        """Take in a key pose; returns how far a link to the past moved the key pose that it moved farthest [m].
+        """Take in a key pose; returns how far links to the past moved the key pose that they moved farthest [m].
 
         Parameters
         ----------
@@ -127,7 +131,6 @@ class Slam:
         pose = match.pose if found else prediction
         self._graph.add_pose(pose)
         self.poses = np.vstack((self.poses, pose))
-        self._joined.append([])
         # odometry has had its say in the match; what it errs by every time would bend the whole graph a little
         step = noise + MATCH_COVARIANCE if found else noise
         self._link(Link(newest - 1, newest, between(last, pose), step))
@@ -141,16 +144,16 @@ class Slam:
             self._last_match = None
         if found:
             self._tail.measure(self.links[-1].earlier, self.links[-1].motion, self.links[-1].covariance)
-        shift = self._look_back(first) if found else 0.0
-        if shift > 0.0 or newest - self._refreshed_at >= max(REFRESH, REFRESH_SHARE * newest):
+        disagreement = self._look_back(first) if found else 0.0
+        since, shift = newest - self._refreshed_at, 0.0
+        if self._unsettled and (disagreement > 0.5 * self.map.grid.resolution or since >= SETTLE_SHARE * newest):
+            shift = self._settle()
+        elif since >= max(REFRESH, REFRESH_SHARE * newest):
             self.refresh()
         else:
             self._tail.keep(_ties(newest + 1))
             self.covariances = np.concatenate((self.covariances, [self._tail.newest(pose[2])]))
         self._lap("covariances")
-        if shift > 0.0:
-            self._replace()
-            self._lap("map")
         return shift
 
     def refresh(self) -> None:
@@ -174,8 +177,6 @@ class Slam:
     def _link(self, link: Link) -> None:
         self._graph.add_link(link)
         self.links.append(link)
-        self._joined[link.earlier].append(link.later)
-        self._joined[link.later].append(link.earlier)
 
     def _link_match(self, earlier: int, match: Match, robust: bool = False) -> Link:
         """Link the newest pose to one of those with which it was matched."""
@@ -194,9 +195,11 @@ class Slam:
         self._last_match = own
 
     def _look_back(self, window_start: int) -> float:
-        """Match the newest scan with what earlier key poses saw near by; returns the largest move of a key pose [m]."""
-        shift = 0.0
-        for chain in chains_due(self.poses, self._joined, window_start):
+        """Match the newest scan with what earlier key poses saw near by; returns the largest disagreement [m]."""
+        disagreement = 0.0
+        if not any(due(len(self.poses) - 1)):
+            return disagreement
+        for chain in chains_due(self.poses, joins_of(self.links), window_start):
             pose = self.pose
             match = self._matcher.match(
                 self._hits,
@@ -216,21 +219,36 @@ class Slam:
             link = self._link_match(match.frame, match._replace(covariance=covariance), robust=not chain.linked)
             if not chain.linked:
                 self.closures.append(link)
-            before, self.poses = self.poses, self._graph.optimize()
-            shift = max(shift, float(np.hypot(*(self.poses - before)[:, :2].T).max()), 1e-12)
+            self._unsettled = True
+            disagreement = max(disagreement, self._apart(match.pose, pose))
         self._lap("loops")
-        return shift
+        return disagreement
+
+    def _settle(self) -> float:
+        """Move all key poses to where the links have them; returns the largest move [m]."""
+        before, self.poses = self.poses, self._graph.optimize()
+        self._unsettled = False
+        self._lap("loops")
+        self.refresh()
+        self._lap("covariances")
+        self._replace()
+        self._lap("map")
+        return float(np.hypot(*(self.poses - before)[:, :2].T).max())
 
     def _replace(self) -> None:
         """Trace the scans anew whose pose moved by more than half a cell of the map."""
         limit = 0.5 * self.map.grid.resolution
-        reach = 0.5 * self.scenario.sensor_range  # where a turn moves the middle of a beam
         for number, (x, y, heading) in enumerate(self.poses.tolist()):
             was = self._placed[number]
-            if math.hypot(x - was[0], y - was[1]) + reach * abs(heading - was[2]) > limit:
+            if self._apart((x, y, heading), was) > limit:
                 self.map.remove(was, self._ranges[number])
                 self.map.insert((x, y, heading), self._ranges[number])
                 self._placed[number] = (x, y, heading)
+
+    def _apart(self, one: Pose, other: Pose) -> float:
+        """How far the middles of the longest beams lie apart, seen from two poses [m]."""
+        turn = abs(wrap_angle(one[2] - other[2]))
+        return math.hypot(one[0] - other[0], one[1] - other[1]) + 0.5 * self.scenario.sensor_range * turn
 
 
 def anchor_at(number: int, newest: int) -> int:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid
+from explore_bench.geometry.rays import clearance_of
 from explore_bench.robot.planning.astar import SQRT2, trace_path
 
 SOFT_RADIUS = 0.6
@@ -69,45 +70,6 @@ class Ways:
 
 
 @jit
-def clearance_of(occupied: NDArray[np.bool_], resolution: float, most: float) -> Array:
-    """Distance from each cell's centre to that of the nearest occupied cell [m], at most `most`, shape as given.
-
-    First along the columns, then, of the squares, along the rows (Saito and Toriwaki 1994); no farther than `most`.
-    """
-    rows, columns = occupied.shape
-    reach = int(math.ceil(most / resolution))
-    far = 2 * (reach + 1) * (reach + 1)
-    distances = np.empty(far + 1)
-    for k in range(far + 1):
-        distances[k] = min(math.sqrt(k) * resolution, most)
-    along = np.full((rows, columns), reach + 1, dtype=np.int16)
-    for row in range(rows):
-        for column in range(columns):
-            if occupied[row, column]:
-                along[row, column] = 0
-            elif row > 0:
-                along[row, column] = min(along[row, column], along[row - 1, column] + 1)
-    for row in range(rows - 2, -1, -1):
-        for column in range(columns):
-            along[row, column] = min(along[row, column], along[row + 1, column] + 1)
-    clearance = np.empty((rows, columns))
-    squares = np.full(columns + 2 * reach, far, dtype=np.int16)
-    nearest = np.empty(columns, dtype=np.int16)
-    for row in range(rows):
-        for column in range(columns):
-            squares[column + reach] = along[row, column] * along[row, column]
-        nearest[:] = far
-        for offset in range(2 * reach + 1):
-            across = np.int16((offset - reach) * (offset - reach))
-            for column in range(columns):
-                square = np.int16(squares[column + offset] + across)
-                nearest[column] = square if square < nearest[column] else nearest[column]
-        for column in range(columns):
-            clearance[row, column] = distances[nearest[column]]
-    return clearance
-
-
-@jit
 def spread(free: NDArray[np.bool_], price: Array, start: int) -> tuple[Array, NDArray[np.int64]]:
     """Cost and parent of every cell, shape (rows · columns,), of the cheapest ways from the start; none cuts a corner.
 
@@ -117,9 +79,8 @@ def spread(free: NDArray[np.bool_], price: Array, start: int) -> tuple[Array, ND
     """
     rows, columns = free.shape
     wide = columns + 2
-    half = np.full(
-        (rows + 2) * wide, np.inf
-    )  # of the price; cells that may not be entered, as all around, are too dear
+    # half the price of each cell; those that may not be entered, as all around, are too dear
+    half = np.full((rows + 2) * wide, np.inf)
     cheapest, dearest = np.inf, 0.0
     for row in range(rows):
         for column in range(columns):

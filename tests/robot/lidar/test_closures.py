@@ -12,8 +12,13 @@ def trajectory(*pieces):
 
 
 def in_a_row(count):
-    """Links of each pose with its neighbours."""
-    return [[other for other in (number - 1, number + 1) if 0 <= other < count] for number in range(count)]
+    """Links of each pose with the next, shape (L, 2)."""
+    return np.column_stack((np.arange(count - 1), np.arange(1, count)))
+
+
+def joined(links, *more):
+    """Links and some more."""
+    return np.concatenate((links, more))
 
 
 FAR = (0.0, 50.0, 20)
@@ -27,19 +32,14 @@ def test_an_earlier_visit_is_a_chain_that_is_not_linked():
 
 
 def test_poses_to_which_near_links_lead_are_linked():
-    links = in_a_row(31)
-    links[30].append(7)
-    links[7].append(30)
+    links = joined(in_a_row(31), (7, 30))
     (chain,) = chains(THERE_AND_BACK, links, 10)
     assert (chain.first, chain.end, chain.closest, chain.linked) == (0, 10, 4, True)
 
 
 def test_links_that_lead_away_link_nothing():
     """A link to a far pose, from which another leads back: it is not the same visit."""
-    links = in_a_row(31)
-    links[30].append(15)
-    links[15] += [30, 3]
-    links[3].append(15)
+    links = joined(in_a_row(31), (15, 30), (3, 15))
     (chain,) = chains(THERE_AND_BACK, links, 10)
     assert not chain.linked
 
@@ -47,10 +47,7 @@ def test_links_that_lead_away_link_nothing():
 def test_a_run_is_split_where_its_links_are():
     """Six poses are joined to the newest and six are not: two chains, the linked one first."""
     poses = trajectory((0.0, 0.0, 12), FAR, (2.5, 1.0, 1))
-    links = in_a_row(33)
-    links[6].remove(5)
-    links[5].remove(6)
-    links[32].append(9)
+    links = joined(np.delete(in_a_row(33), 5, axis=0), (9, 32))
     assert [(c.first, c.end, c.closest, c.linked) for c in chains(poses, links, 12)] == [
         (6, 12, 6, True),
         (0, 6, 5, False),
