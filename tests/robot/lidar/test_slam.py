@@ -14,6 +14,7 @@ from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL
 from explore_bench.robot.lidar.pose_graph import PoseGraph, joins_of
 from explore_bench.robot.lidar.slam import (
     ANCHOR_SPACING,
+    SETTLE_SHARE,
     WINDOW,
     Slam,
     search_window,
@@ -75,6 +76,31 @@ def test_a_closed_loop_brings_the_robot_nearer_to_where_it_is(looped):
     assert not any(shifts)
     assert np.trace(slam.covariances[-1]) < 0.3 * np.trace(open_.covariances[-1])
     assert errors_of(slam, poses)[-5:].mean() < errors_of(open_, poses)[-5:].mean()
+
+
+def test_links_that_agree_wait_and_those_that_do_not_move_the_graph_at_once(monkeypatch):
+    """Three times around the ring: what the later rounds tell is little, and no link waits for longer than it may."""
+    looks, look_back = [], Slam._look_back
+
+    def watched(slam, first):
+        disagreement = look_back(slam, first)
+        looks.append((disagreement, slam._unsettled))
+        return disagreement
+
+    monkeypatch.setattr(Slam, "_look_back", watched)
+    slam, shifts = driven(ring_world(), way_through(*RING, *RING[1:], *RING[1:]), SHORT, seed=2)
+    assert len(looks) == len(shifts)
+    settled, limit = np.array(shifts) > 0.0, 0.5 * SHORT.map_resolution
+    waiting, disagreeing = (np.array(column) for column in zip(*[(u, d > limit) for d, u in looks], strict=True))
+    assert disagreeing.sum() >= 1
+    assert settled[disagreeing].all()
+    assert not settled[~waiting].any()
+    assert (waiting & ~settled).sum() >= 10
+    waited = 0
+    for newest, waits in enumerate(waiting & ~settled, start=1):
+        waited = waited + 1 if waits else 0
+        assert waited <= SETTLE_SHARE * newest
+    assert slam._unsettled == (waiting & ~settled)[-1]
 
 
 def test_covariances_are_those_of_the_graph_that_its_links_make(looped):
