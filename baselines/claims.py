@@ -40,7 +40,11 @@ CLAIMS = (
     Claim(
         "iv",
         "It converges faster and earns more reward in training than the graph networks without its encoders.",
-        comparisons("graph-stnn", ("gcn-obs", "gcn-no-obs"), ("early_reward", "final_reward")),
+        comparisons(
+            "graph-stnn",
+            ("gcn-obs", "gcn-no-obs"),
+            ("early_reward", "final_reward", "early_validation", "final_validation"),
+        ),
     ),
     *(
         Claim(

@@ -23,8 +23,8 @@ import pandas as pd
 import explore_bench
 from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.metrics import METRICS, metrics_of
-from explore_bench.analysis.statistics import paired_difference
-from explore_bench.analysis.tables import by_world, seed_means
+from explore_bench.analysis.paired import paired
+from explore_bench.analysis.tables import seed_means
 from explore_bench.report.tables import signed_text
 from explore_bench.runs.perf import read_json, text
 from explore_bench.strategies.registry import strategies
@@ -70,6 +70,7 @@ PLAIN = {
     "CANDIDATE_COLUMNS": "Columns of a candidate among the features, in order.",
     "STATE_COLUMNS": "Columns of the state among the features, in order.",
     "CURVE_COLUMNS": "Columns of a training curve.",
+    "VALIDATION_COLUMNS": "Columns of the validations of a training.",
     "CURVE_WINDOW": "Steps that a row of a training curve stands for.",
 }
 """What those public names are that have no docstring of their own."""
@@ -344,7 +345,7 @@ class Margin:
 
     Attributes
     ----------
-    mean, low, high : with the interval of the paired difference.
+    mean, low, high : with the interval of the ratio, paired by world.
     gain : lower end of what A gains over B.
     seeds : for single training seeds of A.
     """
@@ -363,9 +364,9 @@ class Margin:
         own, other = (here[here["strategy"] == name] for name in (a, b))
         if own.empty or other.empty:
             return None
-        of_b = by_world(other, metric)
-        estimate, mean = paired_difference(by_world(own, metric), of_b), sum(of_b.values()) / len(of_b)
-        ends = [100 * value / mean for value in (estimate.mean, estimate.low, estimate.high)]
+        pair = paired(own, other, metric)
+        estimate, mean = pair.relative, pair.means[1]
+        ends = [100 * value for value in (estimate.mean, estimate.low, estimate.high)]
         gain = ends[1] if METRICS[metric].better == "higher" else -ends[2]
         return cls(*ends, gain, tuple(100 * (value / mean - 1) for value in seed_means(own, metric)))
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from explore_bench.analysis.training_curve import (
         CURVE_COLUMNS as CURVE_COLUMNS,
         CURVE_WINDOW as CURVE_WINDOW,
+        VALIDATION_COLUMNS as VALIDATION_COLUMNS,
         curve_path as curve_path,
+        validations_path as validations_path,
     )
     from explore_bench.compiled import jit as jit
     from explore_bench.errors import (
@@ -144,7 +146,9 @@ PUBLIC: dict[str, str] = {
     "Score": "trial.error_and_efficiency",
     "CURVE_COLUMNS": "analysis.training_curve",
     "CURVE_WINDOW": "analysis.training_curve",
+    "VALIDATION_COLUMNS": "analysis.training_curve",
     "curve_path": "analysis.training_curve",
+    "validations_path": "analysis.training_curve",
     "scenario_digest": "records.provenance",
     "installed_version": "records.provenance",
     # errors

@@ -29,6 +29,7 @@ from explore_bench import (
     CURVE_WINDOW,
     PAPER,
     REWARD_WEIGHTS,
+    VALIDATION_COLUMNS,
     Course,
     Entry,
     Observation,
@@ -41,15 +42,13 @@ from explore_bench import (
     parse_factory,
     scenario_digest,
     stream,
+    validations_path,
     writing,
 )
 
 VALIDATION_WORLDS = 64
 VALIDATE_EVERY = 500
 """Episodes between two validations."""
-
-VALIDATION_COLUMNS = ("episodes", "objective", "time", "efficiency", "error")
-"""Means over the validation worlds after so many episodes: log e − log η, T, η and e."""
 
 SAVE_SECONDS = 15.0
 SAY_SECONDS = 10.0
@@ -259,7 +258,7 @@ class Training:
     def write_curve(self) -> None:
         """Write the training curve and the validations beside the best weights."""
         write_csv(curve_path(self.best_path), tuple(CURVE_COLUMNS), self.log.curve)
-        write_csv(self.best_path.with_suffix(".validations.csv"), VALIDATION_COLUMNS, self.log.validations)
+        write_csv(validations_path(self.best_path), tuple(VALIDATION_COLUMNS), self.log.validations)
 
 
 def write_csv(path: Path, header: tuple[str, ...], rows: list[list[float]]) -> None:

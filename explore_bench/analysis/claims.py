@@ -2,8 +2,8 @@
 
 A claim is data: an installed package names some in the entry point group `explore_bench.claims`. A comparison over
 worlds is paired by world; one of training curves is between training seeds. Holm's correction runs over the
-comparisons of a claim. Intervals over worlds are conditional on the weights, so a claim about an architecture needs
-SEEDS training seeds on either side before its verdict is more than one "for these weights".
+comparisons of a claim. A claim about an architecture asks what would be so after another training in other worlds;
+where only the weights at hand are shown to differ, its verdict is one "for these weights".
 """
 
 from __future__ import annotations
@@ -23,28 +23,22 @@ import pandas as pd
 
 from explore_bench.analysis.csv_files import plain
 from explore_bench.analysis.metrics import Metric, all_metrics
+from explore_bench.analysis.paired import paired
 from explore_bench.analysis.statistics import (
+    LEVEL,
     Estimate,
     effect_size,
     holm,
     improvement_probability,
     mean_difference,
-    mean_interval,
     permutation_p,
-    sign_flip_p,
 )
-from explore_bench.analysis.tables import PAPER_SCENARIO, by_world, seed_means
+from explore_bench.analysis.tables import PAPER_SCENARIO
 from explore_bench.analysis.training_curve import TRAINING_METRICS, training_values
 from explore_bench.errors import RequestError, describe
 from explore_bench.strategies.registry import strategies
 
 GROUP = "explore_bench.claims"
-LEVEL = 0.05
-"""Family-wise error rate of a claim."""
-
-SEEDS = 5
-"""Training seeds on either side that a verdict about an architecture asks for."""
-
 SUPPORTED, NOT_SHOWN, CONTRADICTED, NOT_MEASURED = "supported", "not shown", "contradicted", "not measured"
 THESE_WEIGHTS = " for these weights"
 
@@ -94,26 +88,31 @@ class Finding:
     n : worlds that both strategies tried, or training seeds of the smaller side.
     means : of the two strategies.
     difference : of the strategy said to be better, minus the other's, with its 95 % interval.
-    relative : difference over the other's mean.
-    p, p_holm : of "no difference", two-sided; after Holm's correction over the claim.
+    relative : difference over the other's mean, with its interval.
+    p, p_holm : of "no difference with these weights", two-sided; after Holm's correction over the claim.
+    p_architecture, p_architecture_holm : of "no difference after other trainings", likewise; NaN where the seeds are
+        too few to say. Where neither side is learned, and of training curves, it is the same as p.
     effect : mean of the paired differences over their standard deviation, positive where the claim would have it.
     improvement : share of the worlds on which the claim holds, ties half.
     seeds, ranges : training seeds of the two and the smallest and largest mean of a single one; 0 and NaN where none.
-    verdict : SUPPORTED, NOT_SHOWN, CONTRADICTED or NOT_MEASURED, with THESE_WEIGHTS where seeds are too few.
+    verdict : SUPPORTED, NOT_SHOWN, CONTRADICTED or NOT_MEASURED, with THESE_WEIGHTS where a claim about an architecture
+        is shown for the weights alone.
     """
 
     comparison: Comparison
     n: int
     means: tuple[float, float]
     difference: Estimate
-    relative: float
+    relative: Estimate
     p: float
-    p_holm: float
+    p_architecture: float
     effect: float
     improvement: float
     seeds: tuple[int, int]
     ranges: tuple[tuple[float, float], tuple[float, float]]
-    verdict: str
+    p_holm: float = math.nan
+    p_architecture_holm: float = math.nan
+    verdict: str = ""
 
 
 def comparisons(
@@ -176,8 +175,14 @@ def examine(claim: Claim, trials: pd.DataFrame) -> list[Finding]:
     """Compare what a claim compares, from the rows of `trials.csv` and the training curves beside the weights."""
     own = trials[trials["scenario"] == claim.scenario]
     found = [_measure(comparison, own) for comparison in claim.comparisons]
-    adjusted = holm([finding.p for finding in found])
-    return [_judged(finding, float(p), claim.architecture) for finding, p in zip(found, adjusted, strict=True)]
+    of_weights, of_architecture = (
+        holm([getattr(finding, name) for finding in found]).tolist() for name in ("p", "p_architecture")
+    )
+    found = [
+        replace(finding, p_holm=p, p_architecture_holm=other)
+        for finding, p, other in zip(found, of_weights, of_architecture, strict=True)
+    ]
+    return [replace(finding, verdict=_verdict(finding, claim.architecture)) for finding in found]
 
 
 def verdict(findings: Sequence[Finding]) -> str:
@@ -199,78 +204,73 @@ def _measure(comparison: Comparison, trials: pd.DataFrame) -> Finding:
         return _nothing(comparison)
     here = trials[trials["size"] == comparison.size]
     own = [here[here["strategy"] == name] for name in (comparison.better, comparison.worse)]
-    values = [by_world(cell, comparison.metric) for cell in own]
-    worlds = sorted(values[0].keys() & values[1].keys())
-    a, b = (np.array([of[world] for world in worlds], dtype=float) for of in values)
-    if not worlds or not (np.isfinite(a).all() and np.isfinite(b).all()):
+    pair = paired(own[0], own[1], comparison.metric)
+    if not pair.defined:
         return _nothing(comparison)
-    of_seeds = [seed_means(cell[cell["trial"].isin(worlds)], comparison.metric) for cell in own]
-    return _finding(comparison, len(worlds), a, b, mean_interval(a - b), sign_flip_p(a - b), sign * (a - b), of_seeds)
+    sides = zip((pair.a, pair.b), pair.seeds, strict=True)
+    of_seeds = [values.mean(axis=1) if seeds else np.empty(0) for values, seeds in sides]
+    return Finding(
+        comparison,
+        n=pair.worlds,
+        means=pair.means,
+        difference=pair.difference,
+        relative=pair.relative,
+        p=pair.p,
+        p_architecture=pair.p_architecture,
+        effect=pair.effect(sign),
+        improvement=pair.improvement(sign),
+        seeds=(len(of_seeds[0]), len(of_seeds[1])),
+        ranges=(_range(of_seeds[0]), _range(of_seeds[1])),
+    )
 
 
 def _of_training(comparison: Comparison, sign: float) -> Finding:
     """Compare training seeds; they are not paired, their number may differ."""
     known = strategies()
-    of_seeds = [
-        list(training_values(known[name], comparison.metric).values()) if name in known else []
+    a, b = (
+        np.array(list(training_values(known[name], comparison.metric).values()) if name in known else [])
         for name in (comparison.better, comparison.worse)
-    ]
-    a, b = map(np.array, of_seeds)
+    )
     if not len(a) or not len(b) or not (np.isfinite(a).all() and np.isfinite(b).all()):
         return _nothing(comparison)
-    gains = sign * np.subtract.outer(a, b).reshape(-1)
-    return _finding(comparison, min(len(a), len(b)), a, b, mean_difference(a, b), permutation_p(a, b), gains, of_seeds)
-
-
-def _finding(
-    comparison: Comparison,
-    n: int,
-    a: np.ndarray,
-    b: np.ndarray,
-    difference: Estimate,
-    p: float,
-    gains: np.ndarray,
-    of_seeds: Sequence[list[float]],
-) -> Finding:
-    mean = float(b.mean())
+    gains, p = sign * np.subtract.outer(a, b).reshape(-1), permutation_p(a, b)
+    difference, mean = mean_difference(a, b), float(b.mean())
     return Finding(
         comparison,
-        n,
-        (float(a.mean()), mean),
-        difference,
-        difference.mean / abs(mean) if mean else math.nan,
-        p,
-        math.nan,
-        effect_size(gains),
-        improvement_probability(gains),
-        (len(of_seeds[0]), len(of_seeds[1])),
-        (_range(of_seeds[0]), _range(of_seeds[1])),
-        "",
+        n=min(len(a), len(b)),
+        means=(float(a.mean()), mean),
+        difference=difference,
+        relative=Estimate(difference.mean / abs(mean) if mean else math.nan, math.nan, math.nan, difference.n),
+        p=p,
+        p_architecture=p,
+        effect=effect_size(gains),
+        improvement=improvement_probability(gains),
+        seeds=(len(a), len(b)),
+        ranges=(_range(a), _range(b)),
     )
 
 
-def _range(values: list[float]) -> tuple[float, float]:
-    return min(values, default=math.nan), max(values, default=math.nan)
+def _range(values: np.ndarray) -> tuple[float, float]:
+    return (float(values.min()), float(values.max())) if len(values) else (math.nan, math.nan)
 
 
 def _nothing(comparison: Comparison) -> Finding:
     nan, none = math.nan, (math.nan, math.nan)
-    return Finding(comparison, 0, none, Estimate(nan, nan, nan, 0), nan, nan, nan, nan, nan, (0, 0), (none, none), "")
+    nothing = Estimate(nan, nan, nan, 0)
+    return Finding(comparison, 0, none, nothing, nothing, nan, nan, nan, nan, (0, 0), (none, none))
 
 
-def _judged(finding: Finding, p_holm: float, architecture: bool) -> Finding:
+def _verdict(finding: Finding, architecture: bool) -> str:
     better = metric_of(finding.comparison).better
-    held = finding.difference.mean > 0 if better == "higher" else finding.difference.mean < 0
     if not finding.n:
-        word = NOT_MEASURED
-    elif not p_holm <= LEVEL:
-        word = NOT_SHOWN
-    else:
-        word = SUPPORTED if held else CONTRADICTED
-        learned = [count for count in finding.seeds if count]
-        if architecture and learned and min(learned) < SEEDS:
-            word += THESE_WEIGHTS
-    return replace(finding, p_holm=p_holm, verdict=word)
+        return NOT_MEASURED
+    held = finding.difference.mean > 0 if better == "higher" else finding.difference.mean < 0
+    word = SUPPORTED if held else CONTRADICTED
+    if architecture and finding.p_architecture_holm <= LEVEL:
+        return word
+    if finding.p_holm <= LEVEL:
+        return word + THESE_WEIGHTS if architecture else word
+    return NOT_SHOWN
 
 
 def as_values(claim: Claim, findings: Sequence[Finding]) -> dict[str, Any]:

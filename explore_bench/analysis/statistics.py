@@ -17,7 +17,10 @@ import numpy as np
 
 from explore_bench.trial.seeding import stream
 
-CONFIDENCE = 0.95
+LEVEL = 0.05
+"""Family-wise error rate of verdicts, and of a gate's false pass."""
+
+CONFIDENCE = 1.0 - LEVEL
 RESAMPLES = 5000
 PERMUTATIONS = 9999
 
@@ -211,35 +214,32 @@ def improvement_probability(gains: np.ndarray) -> float:
     return (wins + 0.5 * ties) / total if total else math.nan
 
 
-def kendall_tau(reference: Sequence[float], values: np.ndarray, seed: int = 0) -> Estimate:
-    """Agreement of the order of S strategies with a reference, Kendall's τ-b, with its percentile bootstrap interval.
+def order_agreement(reference: Sequence[float], values: np.ndarray) -> Estimate:
+    """Agreement of the order of S strategies with a reference, Kendall's τ-a, and what it may be where pairs are open.
+
+    The interval is of the orders that the worlds leave open: a pair whose difference is shown, with Holm's correction
+    over all pairs, stands as it is; every other one may be either way. (Resampled means are more disordered than the
+    means are, so that τ may stand at the end of a bootstrap interval, or outside.)
 
     Parameters
     ----------
     reference : one number a strategy, shape (S,).
-    values : one number a strategy and world, shape (S, n); strategies are ordered by their means over worlds, and
-        worlds are resampled for all of them together.
+    values : one number a strategy and world, shape (S, n); strategies are ordered by their means over worlds.
     """
-    pairs = np.triu_indices(len(reference), 1)
-    wanted = np.sign(np.subtract.outer(np.asarray(reference), np.asarray(reference))[pairs])
-
-    def tau(means: np.ndarray) -> np.ndarray:
-        """τ-b of means, shape (..., S)."""
-        found = np.sign(means[..., pairs[0]] - means[..., pairs[1]])
-        with np.errstate(invalid="ignore"):
-            return np.asarray((found @ wanted) / np.sqrt((found**2).sum(axis=-1) * (wanted**2).sum()))
-
     values = np.asarray(values, dtype=float)
-    count = values.shape[1]
-    rng = stream("evaluate", seed, 0, 0, "statistics")
-    weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES) / count
-    low, high = _percentiles(tau(weights @ values.T))
-    return Estimate(float(tau(values.mean(axis=1))), low, high, count)
+    pairs = list(itertools.combinations(range(len(reference)), 2))
+    differences = [values[i] - values[j] for i, j in pairs]
+    shown = holm([sign_flip_p(own) for own in differences]) <= LEVEL
+    wanted = [np.sign(reference[i] - reference[j]) for i, j in pairs]
+    agree = np.sign([own.mean() for own in differences]) * wanted
+    sure, open_, total = agree[shown].sum(), np.count_nonzero(~shown), len(pairs)
+    tau, low, high = (float(agreeing) / total for agreeing in (agree.sum(), sure - open_, sure + open_))
+    return Estimate(tau, low, high, values.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """Share of trials that have not reached a goal, as a step function of time (Kaplan and Meier 1958).
+    """Share of trials that have not reached a goal, as a step function of time.
 
     Attributes
     ----------
@@ -253,18 +253,18 @@ class Survival:
     median: float
 
 
-def survival(times: np.ndarray, reached: np.ndarray) -> Survival:
-    """Kaplan–Meier estimate of the time to a goal.
+def survival(times: np.ndarray) -> Survival:
+    """Share of n trials left without a goal over time.
+
+    What ended without it never reached it. It is not censored there, as it would be in a study of who is still alive:
+    a robot that crashes early would then count as one of which nothing is known.
 
     Parameters
     ----------
-    times : when each of n trials reached it, or was last seen without having done so (censored), shape (n,).
-    reached : which of the two, shape (n,).
+    times : when each trial reached the goal, infinite for one that did not, shape (n,).
     """
-    from scipy.stats import CensoredData, ecdf
-
-    times, reached = np.asarray(times, dtype=float), np.asarray(reached, dtype=bool)
-    left = ecdf(CensoredData.right_censored(times, ~reached)).sf
-    halved = np.flatnonzero(left.probabilities <= 0.5)
-    median = float(left.quantiles[halved[0]]) if len(halved) else math.inf
-    return Survival(left.quantiles, left.probabilities, median)
+    times = np.sort(np.asarray(times, dtype=float))
+    reached = np.unique(times[np.isfinite(times)])
+    shares = 1.0 - np.searchsorted(times, reached, side="right") / len(times)
+    halved = np.flatnonzero(shares <= 0.5)
+    return Survival(reached, shares, float(reached[halved[0]]) if len(halved) else math.inf)

@@ -13,8 +13,14 @@ import pandas as pd
 from explore_bench.analysis.csv_files import KEYS, read_csv
 from explore_bench.errors import writing
 from explore_bench.trial.spec import Outcome, TrialSpec
+from explore_bench.world.scenario import Scenario
 
 TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
+
+
+USUAL_SECONDS = {"landmark": 0.15, "lidar": 3.0}
+"""What a trial of 100 cells takes in each kind of world [s], of a strategy that predicts along every path: for what was
+never timed."""
 
 
 def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
@@ -65,10 +71,9 @@ def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:
     """Processor time [s] that trials will need, from `times.csv` where it knows the like, else from their size."""
     path = folder / "times.csv"
     known: Any = read_csv(path, TIME_COLUMNS).groupby(["strategy", "size"])["seconds"].mean() if path.is_file() else {}
-    # s at 100 cells, as a strategy that predicts along every path takes; it grows with the square of the cells: there
-    # are more steps, and each costs more. Only for what was never timed here
-    usual = 0.15
-    return sum(
-        float(known.get((spec.strategy, spec.scenario.size), usual * (spec.scenario.cell_count / 100) ** 2))
-        for spec in specs
-    )
+    return sum(float(known.get((spec.strategy, spec.scenario.size), _usual_seconds(spec.scenario))) for spec in specs)
+
+
+def _usual_seconds(scenario: Scenario) -> float:
+    # it grows with the square of the cells: there are more steps, and each costs more
+    return USUAL_SECONDS.get(scenario.kind, 1.0) * (scenario.cell_count / 100) ** 2

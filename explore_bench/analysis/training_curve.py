@@ -1,9 +1,14 @@
-"""The training curve that lies beside a file of weights: what a trainer writes, the report draws and claims compare."""
+"""What lies beside a file of weights of its training: what a trainer writes, the report draws and claims compare.
+
+The curve is of episodes that explore, each learner in its own worlds. Validations are of the greedy policy in worlds
+that are the same for all.
+"""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -30,42 +35,83 @@ CURVE_COLUMNS: dict[str, str] = {
 }
 
 
+VALIDATION_COLUMNS: dict[str, str] = {
+    "episodes": "played so far in training",
+    "objective": "log e − log η of an episode without noise, mean over the validation worlds",
+    "time": "T [steps], mean over them",
+    "efficiency": "η [m²/step], mean over them (Eq. 2)",
+    "error": "e [m], mean over them (Eq. 3)",
+}
+
+EARLY_EPISODES, LAST_VALIDATIONS = 1500, 3
+"""Episodes within which faster learning shows in validations, and how many of the last say what came of it."""
+
+
+class Training(NamedTuple):
+    """What is stored of a training: rows of CURVE_COLUMNS, and of VALIDATION_COLUMNS or None."""
+
+    curve: pd.DataFrame
+    validations: pd.DataFrame | None
+
+
 def curve_path(weights: Path) -> Path:
     """File of the curve that belongs to a file of weights."""
     return weights.with_suffix(".curve.csv")
 
 
-def training_curves(entry: Entry) -> dict[int, pd.DataFrame]:
-    """Curve of every training seed that ships with one; a training shorter than a row has none.
+def validations_path(weights: Path) -> Path:
+    """File of the validations that belong to a file of weights."""
+    return weights.with_suffix(".validations.csv")
+
+
+def trainings(entry: Entry) -> dict[int, Training]:
+    """Training of every seed that ships with a curve; one shorter than a row of it has none.
 
     Raises
     ------
-    RequestError : for a file that is no curve.
+    RequestError : for a file that is none of the kind.
     """
-    files = {seed: curve_path(weights_file(weights)) for seed, weights in entry.weights.items()}
-    curves = {seed: read_csv(file, tuple(CURVE_COLUMNS)) for seed, file in files.items() if file.is_file()}
-    return {seed: curve for seed, curve in curves.items() if len(curve)}
+    found = {}
+    for seed, weights in entry.weights.items():
+        curve, validations = curve_path(weights_file(weights)), validations_path(weights_file(weights))
+        rows = read_csv(curve, tuple(CURVE_COLUMNS)) if curve.is_file() else None
+        if rows is not None and len(rows):
+            of_validations = read_csv(validations, tuple(VALIDATION_COLUMNS)) if validations.is_file() else None
+            found[seed] = Training(rows, of_validations)
+    return found
 
 
-def on_one_axis(curves: list[pd.DataFrame], column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Curves of several seeds at common numbers of steps.
+def on_one_axis(
+    curves: list[pd.DataFrame], column: str, along: str = "steps", spacing: float = CURVE_WINDOW
+) -> tuple[np.ndarray, np.ndarray]:
+    """Curves of several seeds at common places along a column, about so far apart.
 
     Returns
     -------
-    Steps, shape (K,), up to where the shortest curve ends, and values, shape (seeds, K).
+    Places, shape (K,), up to where the shortest curve ends, and values, shape (seeds, K).
     """
-    end = min(float(curve["steps"].iloc[-1]) for curve in curves)
-    steps = np.linspace(0.0, end, max(math.ceil(end / CURVE_WINDOW), 2))[1:]
-    values = [np.interp(steps, curve["steps"], curve[column]) for curve in curves]
-    return steps, np.array(values)
+    end = min(float(curve[along].iloc[-1]) for curve in curves)
+    places = np.linspace(0.0, end, max(math.ceil(end / spacing), 2))[1:]
+    values = [np.interp(places, curve[along], curve[column]) for curve in curves]
+    return places, np.array(values)
 
 
-def _early_reward(curve: pd.DataFrame) -> float:
-    return float(curve["reward"][curve["steps"] <= EARLY].mean())
+def _early_reward(training: Training) -> float:
+    return float(training.curve["reward"][training.curve["steps"] <= EARLY].mean())
 
 
-def _final_reward(curve: pd.DataFrame) -> float:
-    return float(curve["reward"].iloc[-max(len(curve) // 10, 1) :].mean())
+def _final_reward(training: Training) -> float:
+    return float(training.curve["reward"].iloc[-max(len(training.curve) // 10, 1) :].mean())
+
+
+def _early_validation(training: Training) -> float:
+    own = training.validations  # made at the end of the round of episodes in which one is due
+    return math.nan if own is None else float(own["objective"][own["episodes"] < 1.1 * EARLY_EPISODES].mean())
+
+
+def _final_validation(training: Training) -> float:
+    own = training.validations
+    return math.nan if own is None else float(own["objective"].iloc[-LAST_VALIDATIONS:].mean())
 
 
 TRAINING_METRICS: dict[str, Metric] = {
@@ -79,10 +125,24 @@ TRAINING_METRICS: dict[str, Metric] = {
     "final_reward": Metric(
         "r, final", "1", "higher", "reward of a decision, mean over the last tenth of the training", _final_reward
     ),
+    "early_validation": Metric(
+        "log e − log η, early",
+        "1",
+        "lower",
+        f"of greedy episodes in the worlds of validation, mean over the first {EARLY_EPISODES:,} episodes of training",
+        _early_validation,
+    ),
+    "final_validation": Metric(
+        "log e − log η, final",
+        "1",
+        "lower",
+        f"of greedy episodes in the worlds of validation, mean over the last {LAST_VALIDATIONS} validations",
+        _final_validation,
+    ),
 }
-"""What a training curve says, by training seed."""
+"""What is measured of a training, by training seed."""
 
 
 def training_values(entry: Entry, metric: str) -> dict[int, float]:
-    """One of TRAINING_METRICS for every training seed with a curve."""
-    return {seed: TRAINING_METRICS[metric].value(curve) for seed, curve in training_curves(entry).items()}
+    """One of TRAINING_METRICS for every training seed with a curve; NaN where validations are missing."""
+    return {seed: TRAINING_METRICS[metric].value(training) for seed, training in trainings(entry).items()}

@@ -13,21 +13,12 @@ import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS, plain, read_csv
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.statistics import (
-    Estimate,
-    effect_size,
-    holm,
-    improvement_probability,
-    mean_interval,
-    sign_flip_p,
-)
-from explore_bench.analysis.tables import by_world
+from explore_bench.analysis.paired import paired
+from explore_bench.analysis.statistics import LEVEL, Estimate, holm
 from explore_bench.errors import RequestError
 
 COMPARED_METRICS = ("trajectory_error", "exploration_efficiency", "t90")
 CELL = ["strategy", "size", "scenario"]
-LEVEL = 0.05
-"""Family-wise error rate over all differences of a comparison."""
 
 
 @dataclass(frozen=True)
@@ -145,24 +136,22 @@ def _place(cell: Any) -> str:
 
 
 def _difference(cell: Any, metric: str, a: pd.DataFrame, b: pd.DataFrame) -> Difference | None:
-    values = by_world(a, metric), by_world(b, metric)
-    first, second = (np.array([own[world] for world in sorted(own)]) for own in values)
-    if not (np.isfinite(first).all() and np.isfinite(second).all()):
+    pair = paired(b, a, metric, matched=True)
+    if not pair.defined:
         return None
-    change = second - first
-    gains = change if METRICS[metric].better == "higher" else -change
+    sign = 1.0 if METRICS[metric].better == "higher" else -1.0
     return Difference(
         str(cell[0]),
         float(cell[1]),
         str(cell[2]),
         metric,
-        len(change),
-        (float(first.mean()), float(second.mean())),
-        mean_interval(change),
-        sign_flip_p(change),
+        pair.worlds,
+        (pair.means[1], pair.means[0]),
+        pair.difference,
+        pair.p,
         math.nan,
-        effect_size(gains),
-        improvement_probability(gains),
+        pair.effect(sign),
+        pair.improvement(sign),
         "",
     )
 

@@ -1,6 +1,6 @@
 """Robust views of the same trials: interquartile means, times to coverage as survival curves, wins by world.
 
-Axes: worlds, with training seeds averaged within a world first, but for survival curves, whose units are trials.
+Axes: worlds, with training seeds averaged within a world first; of survival curves trials; wins are of every seed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.statistics import Survival, interquartile_mean_interval, survival, win_tie_loss
+from explore_bench.analysis.paired import paired
+from explore_bench.analysis.statistics import Survival, interquartile_mean_interval, survival
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import (
@@ -65,18 +66,16 @@ def robust_table(trials: pd.DataFrame) -> Table:
         rows.append(tuple(row))
     note = (
         "IQM: mean over the middle half of the worlds [95 % BCa bootstrap interval], training seeds averaged within a "
-        "world first. Medians of the time to a share of the map are Kaplan–Meier estimates over trials: one that ended "
-        "before is censored there, not left out."
+        "world first. Medians of the time to a share of the map are over trials: one that ended before it never "
+        "reached it."
     )
     scopes = tuple(Scope((strategy,), size) for (strategy, size), _ in groups_of(trials))
     return Table("Interquartile means and times to coverage", tuple(header), tuple(rows), note, scopes)
 
 
 def coverage_survival(cell: pd.DataFrame, name: str) -> Survival:
-    """Kaplan–Meier curve of the time to a share of the map, `name` of COVERAGES, over the trials of a cell."""
-    reached = _reached(cell, name)
-    times = np.where(reached, cell[name], cell["steps"])
-    return survival(times, reached)
+    """Survival curve of the time to a share of the map, `name` of COVERAGES, over the trials of a cell."""
+    return survival(np.where(_reached(cell, name), cell[name], np.inf))
 
 
 def _reached(cell: pd.DataFrame, name: str) -> np.ndarray:
@@ -91,17 +90,20 @@ def wins_table(trials: pd.DataFrame) -> Table:
     for size in sorted(set(trials["size"])):
         own = {name: cell for (name, s), cell in groups_of(trials) if s == size and not entry_of(name).reference}
         for a, b in itertools.combinations(own, 2):
-            counts = [_wins(by_world(own[a], name), by_world(own[b], name), name) for name in PAPER_METRICS]
+            counts = [_wins(own[a], own[b], name) for name in PAPER_METRICS]
             rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, *counts))
             scopes.append(Scope((a, b), size))
-    note = "Counts of worlds that both tried, training seeds averaged within a world first; less e and more η win."
+    note = (
+        "Worlds that all seeds of both tried, of every training seed against every other, then averaged; less e and "
+        "more η win, and what differs by no more than rounding ties."
+    )
     return Table("Wins, ties and losses by world", header, tuple(rows), note, tuple(scopes))
 
 
-def _wins(a: dict[int, float], b: dict[int, float], metric: str) -> str:
+def _wins(a: pd.DataFrame, b: pd.DataFrame, metric: str) -> str:
     sign = 1.0 if METRICS[metric].better == "higher" else -1.0
-    gains = np.array([sign * (a[world] - b[world]) for world in sorted(a.keys() & b.keys())])
-    return "/".join(map(str, win_tie_loss(gains))) if np.isfinite(gains).all() else "–"
+    pair = paired(a, b, metric)
+    return "/".join(f"{round(count, 1):g}" for count in pair.wins(sign)) if pair.defined else "–"
 
 
 def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
@@ -111,7 +113,7 @@ def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
     for axes, (metric, coverage) in zip(grid, COVERAGES.items(), strict=True):
         for name, cell in own.items():
             curve, entry = coverage_survival(cell, metric), entry_of(name)
-            last = float(np.where(_reached(cell, metric), cell[metric], cell["steps"]).max())
+            last = float(np.fmax(np.where(_reached(cell, metric), cell[metric], cell["steps"]), 1.0).max())
             times, shares = _stairs(curve.times, curve.shares, last)
             style = "--" if entry.reference else "-"
             axes.step(times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=shown_name(name))
@@ -121,7 +123,7 @@ def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
     grid[0].set_ylabel("share of trials")
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(own)), fontsize=8)
-    figure.suptitle(f"{size:g} m × {size:g} m, Kaplan–Meier over trials", fontsize=10)
+    figure.suptitle(f"{size:g} m × {size:g} m, over trials", fontsize=10)
     return figure
 
 

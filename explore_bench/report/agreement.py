@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.statistics import Estimate, kendall_tau
+from explore_bench.analysis.statistics import Estimate, order_agreement
 from explore_bench.analysis.tables import by_world, of_paper
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
@@ -62,7 +62,7 @@ def order_table(trials: pd.DataFrame) -> Table:
             sign = 1.0 if METRICS[metric].better == "lower" else -1.0
             ours = {name: sign * float(own.mean()) for name, own in values.items()}
             wanted = {name: sign * value for name, value in paper.items()}
-            tau = kendall_tau(list(wanted.values()), sign * np.array(list(values.values())))
+            tau = order_agreement(list(wanted.values()), sign * np.array(list(values.values())))
             orders = (
                 ", ".join(entry_of(name).label for name in sorted(of, key=of.__getitem__)) for of in (wanted, ours)
             )
@@ -77,8 +77,9 @@ def order_table(trials: pd.DataFrame) -> Table:
                 )
             )
     note = (
-        "τ-b of the strategies that the paper prints and that ran: 1 is the same order, −1 the reverse "
-        "[95 % percentile bootstrap interval over the worlds that all of them tried]."
+        "Of the strategies that the paper prints and that ran, on the worlds that all of them tried: 1 is the same "
+        "order, −1 the reverse [what τ is where every pair whose difference is not shown, by a permutation test paired "
+        "by world with Holm's correction over the pairs, stands the other way than in the paper, or as there]."
     )
     return Table("Order of the strategies, paper against measured", header, tuple(rows), note)
 

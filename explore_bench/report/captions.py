@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from explore_bench.analysis.statistics import CONFIDENCE
 from explore_bench.report.figures import CURVE_FIGURES
-from explore_bench.report.pages.training import TRAINING_FIGURES
+from explore_bench.report.pages.training import TRAINING_FIGURES, VALIDATION_FIGURES
 
 _GROUPS = {
     "layers": "Graph-STNN with one, two and three layers of graph convolution",
@@ -36,12 +36,17 @@ def caption(name: str) -> str:
     if name.startswith("times-"):
         return (
             f"Times to coverage at {name.removeprefix('times-').removesuffix('m')} m: the share of trials that do not "
-            "yet know 50, 80 and 90 % of the map; one that ended before is censored there."
+            "yet know 50, 80 and 90 % of the map; one that ended before never does."
         )
     if name in TRAINING_FIGURES:
         return (
             f"Figure {number}. Training of {_GROUPS[TRAINING_FIGURES[name]]}: reward, η and e over simulated steps; "
             "bands span the training seeds."
+        )
+    if name in VALIDATION_FIGURES:
+        return (
+            f"Validation of {_GROUPS[VALIDATION_FIGURES[name]]}: the policies without noise, after so many episodes of "
+            "training, in worlds that are the same for all; bands span the training seeds."
         )
     if name[:-1] not in CURVE_FIGURES:
         return name

@@ -276,6 +276,17 @@ def signed_text(value: float, digits: int = 0) -> str:
     return f"{value:+.{digits}f}".replace("-", "−") if math.isfinite(value) else "–"
 
 
+def percent_text(share: Estimate) -> str:
+    """A relative difference with its interval, in whole percent."""
+    mean, low, high = (signed_text(100 * value) for value in (share.mean, share.low, share.high))
+    return mean if math.isnan(share.low) else f"{mean} [{low}, {high}]"
+
+
+def p_text(p: float) -> str:
+    """A p-value; none is 0."""
+    return "–" if math.isnan(p) else f"{p:.4f}" if p >= 0.00005 else "< 0.0001"
+
+
 def _slashes(values: Sequence[float]) -> str:
     """One count where all are equal, else one a size."""
     return f"{values[0]:g}" if len(set(values)) == 1 else "/".join(f"{value:g}" for value in values)

@@ -24,7 +24,7 @@ from explore_bench.analysis.claims import (
     metric_of,
     verdict,
 )
-from explore_bench.analysis.statistics import effect_size, holm, mean_interval, sign_flip_p
+from explore_bench.analysis.statistics import effect_size, holm, mean_interval, ratio_interval, sign_flip_p
 from explore_bench.errors import RequestError
 from explore_bench.runs.suites import SUITES
 from explore_bench.strategies.registry import strategies
@@ -61,7 +61,8 @@ def test_the_numbers_of_a_comparison_are_those_of_the_paired_differences():
     assert finding.n == 50
     assert finding.means == pytest.approx((a.mean(), b.mean()))
     assert finding.difference == mean_interval(a - b)
-    assert finding.relative == pytest.approx((a - b).mean() / b.mean())
+    assert finding.relative.mean == pytest.approx((a - b).mean() / b.mean())
+    assert finding.relative.low == pytest.approx(ratio_interval(a, b).low - 1.0)
     assert finding.p == finding.p_holm == sign_flip_p(a - b)
     assert finding.effect == pytest.approx(effect_size(b - a))
     assert finding.improvement == np.mean(a < b)
@@ -124,26 +125,59 @@ def test_a_p_value_of_the_very_level_is_at_most_the_level(monkeypatch):
     assert found(*frames)[0].verdict == NOT_SHOWN
 
 
+def varied(strategy, mean, spread, seeds, worlds=50):
+    """Rows with the noise of worlds, and as much as `spread` from one training seed to the next."""
+    shifts = spread * (np.arange(seeds) - (seeds - 1) / 2)
+    return [rows(strategy, mean + shift + NOISE[:worlds], [seed]) for seed, shift in enumerate(shifts)]
+
+
+def of_b(worlds=50):
+    return rows("b", np.full(worlds, 1.2))
+
+
 @pytest.mark.parametrize(
-    ("seeds", "other", "limited"), [(5, 5, False), (5, None, False), (4, 5, True), (5, 1, True), (1, None, True)]
+    ("spread", "seeds", "word"),
+    [
+        (0.01, 5, SUPPORTED),
+        (0.01, 2, SUPPORTED),
+        (0.01, 1, SUPPORTED + THESE_WEIGHTS),
+        (0.3, 5, SUPPORTED + THESE_WEIGHTS),
+        (0.3, 2, SUPPORTED + THESE_WEIGHTS),
+    ],
 )
-def test_few_training_seeds_speak_for_these_weights_alone(seeds, other, limited):
-    frames = rows("a", 1.0 + NOISE, range(seeds)), rows("b", np.full(50, 2.0), range(other) if other else (None,))
+def test_a_verdict_about_an_architecture_asks_what_other_trainings_would_show(spread, seeds, word):
+    """The weights are better in any case; after other trainings it is so only where these hardly differ."""
+    frames = *varied("a", 1.0, spread, seeds), of_b()
     [finding] = found(*frames)
-    assert finding.verdict == SUPPORTED + THESE_WEIGHTS * limited
-    assert finding.seeds == (seeds, other or 0)
-    [finding] = found(*frames, architecture=False)
-    assert finding.verdict == SUPPORTED
+    assert (finding.verdict, finding.seeds) == (word, (seeds, 0))
+    assert found(*frames, architecture=False)[0].verdict == SUPPORTED
 
 
-def test_few_training_seeds_limit_a_contradiction_as_well():
-    [finding] = found(rows("a", np.full(6, 3.0), [0]), rows("b", np.full(6, 2.0)))
+def test_trainings_that_differ_limit_a_contradiction_as_well():
+    [finding] = found(*varied("a", 1.4, 0.3, 5), of_b())
     assert finding.verdict == CONTRADICTED + THESE_WEIGHTS
+    [finding] = found(*varied("a", 1.4, 0.0, 5), of_b())
+    assert finding.verdict == CONTRADICTED
+
+
+def test_a_rule_has_no_other_trainings():
+    [finding] = found(rows("a", 1.0 + NOISE), of_b())
+    assert (finding.p, finding.verdict) == (finding.p_architecture, SUPPORTED)
+
+
+def test_what_the_architecture_is_judged_by_is_corrected_by_itself():
+    """Three comparisons, of two the seeds are too few to say: the third stands alone."""
+    claim = Claim("x", "a beats all.", comparisons("a", ("b", "c", "d"), ("trajectory_error",), (20.0,)))
+    others = [rows(name, 1.2 + NOISE[::-1]) for name in "bcd"]
+    findings = found(*varied("a", 1.0, 0.05, 3), *others, claim=claim)
+    np.testing.assert_allclose([f.p_architecture_holm for f in findings], holm([f.p_architecture for f in findings]))
+    assert all(f.p_architecture_holm > f.p_architecture for f in findings)
 
 
 def test_a_relative_difference_has_the_sign_of_the_difference():
-    [finding] = found(rows("a", [-1.0, -1.0]), rows("b", [-2.0, -2.0]))
-    assert (finding.difference.mean, finding.relative) == (1.0, 0.5)
+    [finding] = found(rows("a", [-1.0, -1.2]), rows("b", [-2.0, -2.0]))
+    assert (finding.difference.mean, finding.relative.mean) == (pytest.approx(0.9), pytest.approx(0.45))
+    assert 0.4 <= finding.relative.low < finding.relative.mean < finding.relative.high <= 0.5
 
 
 def test_training_seeds_are_averaged_within_a_world_and_their_range_is_kept():

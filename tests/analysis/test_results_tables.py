@@ -465,6 +465,11 @@ def test_without_times_larger_maps_are_expected_to_take_longer(tmp_path):
     assert 0.0 < 4 * expected_seconds(tmp_path, [small]) < expected_seconds(tmp_path, [large])
 
 
+def test_a_trial_with_a_lidar_is_expected_to_take_seconds_not_a_fraction_of_one(tmp_path):
+    specs = plan("stage", ["nearest"]).specs
+    assert 200.0 < expected_seconds(tmp_path, specs) < 600.0, "3 s for each of 100"
+
+
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "\x00\x01"], ids=["empty", "other columns", "bytes"])
 def test_a_times_file_that_is_none_is_refused_by_its_name(tmp_path, content):
     (tmp_path / "times.csv").write_text(content)

@@ -17,9 +17,9 @@ from explore_bench.analysis.statistics import (
     holm,
     improvement_probability,
     interquartile_mean_interval,
-    kendall_tau,
     mean_difference,
     mean_interval,
+    order_agreement,
     paired_difference,
     permutation_p,
     ratio_interval,
@@ -318,34 +318,64 @@ def test_effects_by_hand():
 # Order and survival
 
 
-def test_tau_is_scipy_s_of_the_means_over_worlds():
+def test_tau_is_scipy_s_of_the_means_over_worlds_and_lies_within_its_interval():
     rng = np.random.default_rng(2)
     reference, values = [3.0, 1.0, 2.0, 5.0, 4.0], rng.normal([[3.0], [1.5], [1.0], [5.0], [5.5]], 1.0, (5, 40))
-    estimate = kendall_tau(reference, values)
+    estimate = order_agreement(reference, values)
     assert estimate.mean == pytest.approx(kendalltau(reference, values.mean(axis=1)).statistic)
     assert -1.0 <= estimate.low <= estimate.mean <= estimate.high <= 1.0
+    assert estimate.low < estimate.high
     assert estimate.n == 40
-    assert kendall_tau(reference, values) == estimate
 
 
-def test_tau_with_ties_and_at_its_ends():
+def test_the_interval_of_tau_is_of_the_pairs_that_are_open():
+    """Of the six pairs of four strategies, two and three differ by noise alone: one of three orders of them is open."""
+    noise = np.random.default_rng(5).normal(0.0, 0.1, (4, 30))
+    values = noise + [[1.0], [2.0], [2.0], [4.0]]
+    estimate = order_agreement([1.0, 2.0, 3.0, 4.0], values)
+    assert (estimate.low, estimate.high) == (pytest.approx(4 / 6), 1.0)
+    assert estimate.mean in (estimate.low, estimate.high)
+    backwards = order_agreement([4.0, 3.0, 2.0, 1.0], values)
+    assert (backwards.low, backwards.high) == (-1.0, pytest.approx(-4 / 6))
+
+
+def test_pairs_are_shown_to_differ_only_after_holm_s_correction():
+    """Six worlds that agree have p = 2/64: of one pair that is enough, of three it is not."""
+    steady = np.tile([[1.0], [2.0], [3.0]], 6)
+    assert order_agreement([1.0, 2.0], steady[:2]) == Estimate(1.0, 1.0, 1.0, 6)
+    assert order_agreement([1.0, 2.0, 3.0], steady) == Estimate(1.0, -1.0, 1.0, 6)
+
+
+def test_the_true_agreement_lies_within_the_interval_of_tau_in_95_of_a_hundred_cases():
+    rng, reference = np.random.default_rng(8), [1.0, 2.0, 3.0, 4.0, 5.0]
+    truth = np.array([1.0, 1.1, 1.05, 1.3, 1.25])
+    tau = kendalltau(reference, truth).statistic
+    found = [order_agreement(reference, rng.normal(truth[:, None], 0.3, (5, 12))) for _ in range(200)]
+    assert np.mean([own.low - 1e-9 <= tau <= own.high + 1e-9 for own in found]) >= 0.95
+
+
+def test_tau_at_its_ends():
     steady = np.tile([[1.0], [2.0], [3.0]], 10)
-    assert kendall_tau([1.0, 2.0, 3.0], steady) == Estimate(1.0, 1.0, 1.0, 10)
-    assert kendall_tau([3.0, 2.0, 1.0], steady) == Estimate(-1.0, -1.0, -1.0, 10)
-    expected = kendalltau([1.0, 1.0, 2.0], [1.0, 2.0, 3.0]).statistic
-    assert kendall_tau([1.0, 1.0, 2.0], steady).mean == pytest.approx(expected)
+    assert order_agreement([1.0, 2.0, 3.0], steady) == Estimate(1.0, 1.0, 1.0, 10)
+    assert order_agreement([3.0, 2.0, 1.0], steady) == Estimate(-1.0, -1.0, -1.0, 10)
 
 
 def test_survival_by_hand():
-    """Five trials: at 10 one of 5, at 20 one of 4 (the one censored at 20 is still at risk), at 40 one of 2."""
-    found = survival(np.array([10.0, 20.0, 20.0, 40.0, 50.0]), np.array([True, True, False, True, False]))
-    shares = dict(zip(found.times.tolist(), found.shares.tolist(), strict=True))
-    assert shares[10.0] == pytest.approx(0.8)
-    assert shares[20.0] == pytest.approx(0.6)
-    assert shares[40.0] == pytest.approx(0.3)
-    assert found.median == 40.0
+    """Of five trials one never gets there; it stays among those that have not, whatever it did before it ended."""
+    found = survival(np.array([10.0, 20.0, 20.0, math.inf, 40.0]))
+    assert dict(zip(found.times.tolist(), found.shares.tolist(), strict=True)) == pytest.approx(
+        {10.0: 0.8, 20.0: 0.4, 40.0: 0.2}
+    )
+    assert found.median == 20.0
+
+
+def test_trials_that_ended_early_without_success_do_not_make_the_others_typical():
+    """Forty of fifty crash at step 10 and ten get there at 100: half of them never do."""
+    found = survival(np.array([math.inf] * 40 + [100.0] * 10))
+    assert (found.times.tolist(), found.shares.tolist(), found.median) == ([100.0], [0.8], math.inf)
 
 
 def test_survival_without_any_success_has_no_median():
-    assert survival(np.array([5.0, 5.0]), np.array([False, False])).median == math.inf
-    assert survival(np.array([5.0, 7.0]), np.array([True, True])).median == 5.0
+    assert survival(np.array([math.inf, math.inf])).median == math.inf
+    assert len(survival(np.array([math.inf])).times) == 0
+    assert survival(np.array([5.0, 7.0])).median == 5.0

@@ -115,6 +115,16 @@ def test_training_seeds_are_averaged_within_a_world_first(folders):
     assert found.left_out == ("nearest, 20 m: training seeds 0, 1 in A, 0 in B; each is averaged over its own",)
 
 
+def test_the_same_weights_are_compared_seed_by_seed(folders):
+    """Each seed is a little better in every world; one against the other it would not be."""
+    a = rows([1.0, 1.1, 0.9], seed=0) + rows([3.0, 3.2, 2.9], seed=1)
+    b = rows([0.9, 0.99, 0.8], seed=0) + rows([2.8, 3.1, 2.7], seed=1)
+    own = compare_folders(*folders(a, b)).differences[0]
+    gains = np.array([0.1, 0.11, 0.1]), np.array([0.2, 0.1, 0.2])
+    assert own.improvement == 1.0
+    assert own.effect == pytest.approx(np.mean([effect_size(gain) for gain in gains]))
+
+
 def test_as_many_but_other_training_seeds_are_said(folders):
     found = compare_folders(*folders(rows([1.0] * 3, seed=0), rows([2.5] * 3, seed=1)))
     assert found.left_out == ("nearest, 20 m: training seeds 0 in A, 1 in B; each is averaged over its own",)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from explore_bench.analysis.statistics import interquartile_mean_interval
 from explore_bench.report.aggregates import (
@@ -42,24 +41,30 @@ STUCK = {"t90": LIMIT, "explored": 0.85, "steps": 60}
 """A trial that got stuck after 60 steps knowing 85 % of the map."""
 
 
-def test_a_trial_that_ended_before_is_censored_where_it_ended():
-    """Of 40, 60 (stuck), 80 and 100: at 40 a quarter is done; the stuck one leaves two; half of the rest at 80."""
+def test_a_trial_that_ended_before_never_reached_it():
+    """Of 40, stuck at 60, 80 and 100: at 40 a quarter is done, at 80 half, and the stuck one never."""
     cell = frame(
         trial("nearest", 0, 40), trial("nearest", 1, **STUCK), trial("nearest", 2, 80), trial("nearest", 3, 100)
     )
     curve = coverage_survival(cell, "t90")
-    shares = dict(zip(curve.times.tolist(), curve.shares.tolist(), strict=True))
-    assert shares[40.0] == pytest.approx(0.75)
-    assert shares[80.0] == pytest.approx(0.375)
+    assert dict(zip(curve.times.tolist(), curve.shares.tolist(), strict=True)) == {40.0: 0.75, 80.0: 0.5, 100.0: 0.25}
     assert curve.median == 80.0
     assert coverage_survival(cell, "t80").median == 50.0
+
+
+def test_a_strategy_that_crashes_four_times_of_five_has_no_median_time():
+    cell = frame(
+        *(trial("nearest", i, LIMIT, 0.1, 10) for i in range(40)), *(trial("nearest", i) for i in range(40, 50))
+    )
+    assert coverage_survival(cell, "t90").median == math.inf
+    assert robust_table(cell).rows[0][-2:] == ("–", "40 of 50")
 
 
 def test_a_trial_that_reached_it_at_its_very_last_step_counts_as_having_reached_it():
     assert coverage_survival(frame(trial("nearest", 0, 100, explored=0.9, steps=100)), "t90").median == 100.0
 
 
-def test_a_trial_that_ended_at_the_step_limit_below_it_is_censored_there():
+def test_a_trial_that_ended_at_the_step_limit_below_it_never_reached_it():
     cell = frame(trial("nearest", 0, LIMIT, explored=0.85))
     assert coverage_survival(cell, "t90").median == math.inf
     assert robust_table(cell).rows[0][-1] == "1 of 1"
@@ -84,6 +89,22 @@ def test_wins_are_by_world_and_in_the_direction_of_the_metric():
     rows += [trial("clairvoyant", i) for i in range(3)]
     [row] = wins_table(frame(*rows)).rows
     assert row == ("20", "Random", "Nearest", "1/1/1", "1/0/2")
+
+
+def test_wins_are_those_of_single_training_seeds_averaged():
+    """One seed wins three worlds of four, one a single one; their averages would win all."""
+    rows = [trial("graph-stnn", i, error=e, seed=0) for i, e in enumerate((1, 1, 1, 2.5))]
+    rows += [trial("graph-stnn", i, error=e, seed=1) for i, e in enumerate((2.5, 2.5, 2.5, 1))]
+    rows += [trial("random", i, error=2) for i in range(4)]
+    [row] = wins_table(frame(*rows)).rows
+    assert row[3] == "2/0/2"
+
+
+def test_values_that_differ_by_rounding_tie():
+    rows = [trial("nearest", i, error=0.3) for i in range(3)]
+    rows += [trial("random", i, error=e) for i, e in enumerate((0.1 + 0.2, 0.3 - 1e-16, 0.3 + 1e-6))]
+    [row] = wins_table(frame(*rows)).rows
+    assert row[3] == "0/2/1"
 
 
 def test_a_value_that_is_not_defined_gives_a_dash():

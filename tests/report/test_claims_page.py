@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from explore_bench.report.pages.claims import (
     sentence,
     write_claims,
 )
+from explore_bench.report.tables import p_text
 
 CLAIM = Claim("x", "Nearest beats random.", (Comparison("nearest", "random", "trajectory_error", 20.0),), False)
 
@@ -50,7 +52,7 @@ def test_a_row_holds_every_number(trials):
         "e",
         "20",
     )
-    assert (cells["n"], cells["means"], cells["relative [%]"]) == ("20", "1.100 / 1.900", "−42")
+    assert (cells["n"], cells["means"], cells["relative [%]"][:5]) == ("20", "1.100 / 1.900", "−42 [")
     assert cells["difference"].startswith("−0.800 [−1.000, ")
     assert (cells["P(better)"], cells["seeds"], cells["single seeds"]) == ("0.90", "– / –", "– / –")
     assert cells["d_z"] == f"{0.8 / np.std([-1.0] * 18 + [1.0] * 2, ddof=1):+.2f}"
@@ -73,8 +75,31 @@ def test_p_values_stand_as_they_are_and_corrected_and_the_sentence_says_the_corr
     findings = examine(claim, pd.concat((six, others)))
     for row, finding in zip(comparison_table(claim, findings).rows, findings, strict=True):
         cells = dict(zip(HEADER, row, strict=True))
-        assert (cells["p"], cells["p, Holm"], cells["verdict"]) == ("0.0312", "0.0625", "not shown")
-        assert sentence(finding).endswith("p = 0.062 after Holm): not shown.")
+        assert (cells["p, weights"], cells["verdict"]) == ("0.0312", "not shown")
+        assert row[HEADER.index("p, weights") + 1] == "0.0625"
+        assert sentence(finding).endswith("p = 0.0625 after Holm): not shown.")
+
+
+def test_where_trainings_matter_the_sentence_says_both_p_values(trials):
+    nearest, random = (trials[trials["strategy"] == name] for name in ("nearest", "random"))
+    seeds = [nearest.assign(training_seed=i, trajectory_error=nearest["trajectory_error"] + 0.4 * i) for i in range(3)]
+    claim = dataclasses.replace(CLAIM, architecture=True)
+    [finding] = examine(claim, pd.concat((*seeds, random)))
+    assert finding.p < 0.05 < finding.p_architecture
+    assert sentence(finding).endswith(
+        f"p = {finding.p_holm:.4f} after Holm for these weights, = {finding.p_architecture_holm:.4f} for the "
+        "architecture): supported for these weights."
+    )
+    [finding] = examine(claim, pd.concat((seeds[0], random)))
+    assert "unknown for the architecture" in sentence(finding)
+    [row] = comparison_table(claim, [finding]).rows
+    assert row[HEADER.index("p, architecture")] == "–"
+
+
+def test_no_p_value_is_printed_as_nothing():
+    assert [p_text(p) for p in (0.0, 0.00004, 0.00006, 0.05, 1.0, math.nan)] == [
+        *("< 0.0001", "< 0.0001", "0.0001", "0.0500", "1.0000", "–")
+    ]
 
 
 def test_only_several_training_seeds_have_a_range(trials):

@@ -19,7 +19,7 @@ from explore_bench.report.figures import CURVE_FIGURES
 from explore_bench.report.html import Content, Section, render_page, script_json
 from explore_bench.report.markup import header_groups
 from explore_bench.report.origin import commit, origin_tables, processor
-from explore_bench.report.pages.training import TRAINING_FIGURES
+from explore_bench.report.pages.training import TRAINING_FIGURES, VALIDATION_FIGURES
 from explore_bench.report.render import write_report
 from explore_bench.report.tables import Scope, Table, report_tables
 from explore_bench.strategies.registry import strategies
@@ -180,6 +180,7 @@ def test_every_figure_has_a_caption():
     for name, words in zip(names, captions, strict=True):
         assert words.startswith(f"Figure {name.removeprefix('figure-').lstrip('0')}. ")
     assert caption("other") == "other"
+    assert all(caption(name).startswith("Validation of ") for name in VALIDATION_FIGURES)
 
 
 def test_the_player_offers_every_strategy_that_ran_and_no_other(text):

@@ -16,8 +16,10 @@ from explore_bench.analysis.training_curve import (
     CURVE_COLUMNS,
     CURVE_WINDOW,
     TRAINING_METRICS,
+    Training,
     curve_path,
     training_values,
+    validations_path,
 )
 from explore_bench.errors import RequestError
 from explore_bench.report import drawing
@@ -34,9 +36,12 @@ def curve(steps, **columns):
 
 @pytest.fixture
 def ship(monkeypatch, tmp_path):
-    """Let the registry ship curves for some strategies, by name and training seed, and for no others."""
+    """Let the registry ship curves for some strategies, by name and training seed, and for no others.
 
-    def put(**names):
+    With `validated`, these rows are the validations of each.
+    """
+
+    def put(validated=None, **names):
         entries = {name: dataclasses.replace(entry, weights={}) for name, entry in strategies().items()}
         for name, curves in names.items():
             name = name.replace("_", "-")
@@ -44,6 +49,8 @@ def ship(monkeypatch, tmp_path):
             for path, own in zip(paths.values(), curves, strict=True):
                 if own is not None:
                     own.to_csv(curve_path(Path(path)), index=False)
+                    if validated is not None:
+                        validated.to_csv(validations_path(Path(path)), index=False)
             entries[name] = dataclasses.replace(entries[name], weights=paths)
         monkeypatch.setattr(training, "strategies", lambda: entries)
 
@@ -84,9 +91,40 @@ STRAIGHT = curve([10_000, 20_000, 30_000], reward=[-3.0, -2.0, -1.0], efficiency
 def test_early_and_final_reward_worked_by_hand():
     """Thirty rows of 10 000 steps with rewards 1 to 30: the first twenty, the last of them at step 200 000; three."""
     own = curve(10_000.0 * np.arange(1, 31), reward=np.arange(1.0, 31.0))
-    assert TRAINING_METRICS["early_reward"].value(own) == 10.5
-    assert TRAINING_METRICS["final_reward"].value(own) == 29.0
-    assert TRAINING_METRICS["final_reward"].value(own[:9]) == 9.0
+    assert TRAINING_METRICS["early_reward"].value(Training(own, None)) == 10.5
+    assert TRAINING_METRICS["final_reward"].value(Training(own, None)) == 29.0
+    assert TRAINING_METRICS["final_reward"].value(Training(own[:9], None)) == 9.0
+
+
+VALIDATED = pd.DataFrame(
+    {
+        "episodes": [504, 1000, 1504, 2000, 2504],
+        "objective": [-1.0, -2.0, -3.0, -5.0, -7.0],
+        "time": 100.0,
+        "efficiency": [1.0, 1.1, 1.2, 1.3, 1.4],
+        "error": [0.9, 0.8, 0.7, 0.6, 0.5],
+    }
+)
+
+
+def test_early_and_final_validations_worked_by_hand():
+    """The third is made at the end of the round of eight in which 1,500 episodes are full."""
+    training_ = Training(STRAIGHT, VALIDATED)
+    assert TRAINING_METRICS["early_validation"].value(training_) == -2.0
+    assert TRAINING_METRICS["final_validation"].value(training_) == -5.0
+    assert math.isnan(TRAINING_METRICS["final_validation"].value(Training(STRAIGHT, None)))
+    assert {TRAINING_METRICS[name].better for name in ("early_validation", "final_validation")} == {"lower"}
+
+
+def test_greedy_policies_have_figures_of_their_own(ship, drawn):
+    ship(validated=VALIDATED, gcn_obs=[STRAIGHT, STRAIGHT])
+    shown = drawn()
+    assert shown.keys() == {"figure-09", "validation-09"}
+    assert shown["validation-09"].legend == ["GCN-obs (2 seeds)"]
+    for panel, column in zip(shown["validation-09"].panels, ("objective", "efficiency", "error"), strict=True):
+        [line] = panel.lines.values()
+        assert line.get_ydata()[-1] == pytest.approx(VALIDATED[column].iloc[-1])
+        assert line.get_xdata()[-1] == pytest.approx(2.504)
 
 
 def test_training_values_are_by_training_seed(ship):

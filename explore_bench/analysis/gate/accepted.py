@@ -23,6 +23,9 @@ from explore_bench.records.store import Store
 from explore_bench.trial.steps import SCHEMA_VERSION
 
 THRESHOLDS_FILE, TRIALS_FILE, NOTE_FILE = "thresholds.toml", "trials.csv", "accepted.json"
+LEAST_WORLDS = 20
+"""Of every pair: bounds from fewer are wrong more often than they say."""
+
 HOW = "run the trials and 'explore-bench gate --accept --reason TEXT'"
 
 
@@ -120,9 +123,11 @@ def _check(trials: pd.DataFrame, family: Sequence[Threshold], where: str) -> Non
         if one.strategy not in set(trials["strategy"]):
             raise RequestError(f"{where}: {unknown('strategy', one.strategy, set(trials['strategy']))}")
         own = trials[belongs(trials, one)]
-        if own["trial"].nunique() < 2:
+        count = own["trial"].nunique()
+        if count < LEAST_WORLDS:
             raise RequestError(
-                f"{where} has fewer than 2 worlds of {one.place}; run more, or drop it from the thresholds."
+                f"{where} has {count} world{'s' * (count != 1)} of {one.place}, and a gate needs {LEAST_WORLDS} for "
+                "bounds that hold; run more, or drop it from the thresholds."
             )
         if not np.isfinite(own[one.metric]).all():
             raise RequestError(f"{where}: {one.metric} of {one.place} is not defined in every trial; gate another.")

@@ -20,10 +20,7 @@ from explore_bench.analysis.csv_files import plain
 from explore_bench.analysis.gate.margins import beyond_p, holm_levels, lower_bound, power, upper_bound
 from explore_bench.analysis.gate.pairs import Pair, pair_up
 from explore_bench.analysis.gate.thresholds import Threshold
-from explore_bench.analysis.statistics import holm
-
-LEVEL = 0.05
-"""Rate of false alarms of the whole family, and of a false pass."""
+from explore_bench.analysis.statistics import LEVEL, holm
 
 STATED_LOSS = 0.10
 """Loss for which the power is stated."""

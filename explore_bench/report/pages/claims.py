@@ -9,8 +9,6 @@ from typing import Any
 import pandas as pd
 
 from explore_bench.analysis.claims import (
-    LEVEL,
-    SEEDS,
     Claim,
     Comparison,
     Finding,
@@ -20,24 +18,28 @@ from explore_bench.analysis.claims import (
     metric_of,
     verdict,
 )
+from explore_bench.analysis.statistics import LEVEL
 from explore_bench.analysis.training_curve import TRAINING_METRICS
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.html import Section
-from explore_bench.report.tables import Scope, Table, interval_text, number_text, signed_text
+from explore_bench.report.tables import Scope, Table, interval_text, number_text, p_text, percent_text, signed_text
 
 FILES = ("claims.md", "claims.json")
 HEADER = (
     *("claimed better", "than", "metric", "size [m]", "verdict", "n", "means", "difference", "relative [%]"),
-    *("p", "p, Holm", "d_z", "P(better)", "seeds", "single seeds"),
+    *("p, weights", "Holm", "p, architecture", "Holm", "d_z", "P(better)", "seeds", "single seeds"),
 )
 NOTE = (
-    "Difference: mean of the one claimed better minus the other's over n worlds that both tried [95 % BCa bootstrap "
-    "interval], training seeds averaged within a world first. p: two-sided permutation test, signs flipped by world. "
-    "Holm: over the comparisons of the claim. d_z: mean over standard deviation of the paired differences, positive "
-    "where the claim would have it. P(better): share of the worlds on which the claim holds, ties half. Single seeds: "
-    "smallest–largest mean of one training seed. Training curves are compared between training seeds, unpaired: n is "
-    "the smaller number of seeds, labels are exchanged for p, d_z and P(better) are over all pairs of seeds, and the "
-    "interval, a percentile one, is too narrow for so few: there p counts. "
+    "Difference: mean of the one claimed better minus the other's over n worlds that all seeds of both tried [95 % BCa "
+    "bootstrap interval], training seeds averaged within a world first. Relative: over the other's mean [95 % "
+    "percentile interval of the ratio]. p, weights: two-sided permutation test, signs flipped by world. p, "
+    "architecture: t-test of training seeds crossed with worlds, degrees of freedom by Satterthwaite; a side with one "
+    "seed is taken to vary with it as the other does, one that learns nothing does not vary. Holm: over the "
+    "comparisons of the claim. d_z: mean over standard deviation of the paired differences, positive where the claim "
+    "would have it; P(better): share of the worlds on which the claim holds, ties half; both of every seed against "
+    "every other, then averaged. Single seeds: smallest–largest mean of one training seed. Training curves are "
+    "compared between training seeds, unpaired: n is the smaller number of seeds, labels are exchanged for p, which is "
+    "of the architecture, and the interval, a percentile one, is too narrow for so few: there p counts. "
     + "; ".join(f"{metric.symbol}: {metric.equation}" for metric in TRAINING_METRICS.values())
     + "."
 )
@@ -45,9 +47,9 @@ INTRODUCTION = (
     f"A comparison is supported (or contradicted) where its p-value after Holm's correction is at most {LEVEL:g}; a "
     "claim is supported where all of its comparisons are, contradicted where one is, and not shown otherwise: the "
     "trials then say neither. Holm's correction asks more of each comparison the more of them there are, so that luck "
-    "passes for a finding in at most one of twenty claims of which nothing is true. "
-    "Intervals over worlds say how sure a difference is for the weights at hand; a claim about an architecture with "
-    f"fewer than {SEEDS} training seeds on either side can at best read 'for these weights'."
+    "passes for a finding in at most one of twenty claims of which nothing is true. Intervals over worlds say how sure "
+    "a difference is for the weights at hand. A claim about an architecture is about other trainings, too: a "
+    "difference that other worlds would show again, and other trainings might not, is one 'for these weights'."
 )
 
 
@@ -119,7 +121,7 @@ def _row(finding: Finding) -> tuple[str, ...]:
     names = entry_of(asked.better).label, entry_of(asked.worse).label
     size = "training" if asked.size is None else f"{asked.size:g}"
     if not finding.n:
-        return (*names, metric.symbol, size, finding.verdict, "0", *["–"] * 9)
+        return (*names, metric.symbol, size, finding.verdict, "0", *["–"] * 11)
     return (
         *names,
         metric.symbol,
@@ -128,8 +130,8 @@ def _row(finding: Finding) -> tuple[str, ...]:
         str(finding.n),
         " / ".join(number_text(mean, mean) for mean in finding.means),
         interval_text(finding.difference),
-        signed_text(100 * finding.relative),
-        *(f"{p:.4f}" for p in (finding.p, finding.p_holm)),
+        percent_text(finding.relative),
+        *map(p_text, (finding.p, finding.p_holm, finding.p_architecture, finding.p_architecture_holm)),
         signed_text(finding.effect, 2),
         f"{finding.improvement:.2f}",
         " / ".join(str(count) if count else "–" for count in finding.seeds),
@@ -151,11 +153,19 @@ def sentence(finding: Finding) -> str:
     more = "higher" if finding.difference.mean > 0 else "lower"
     units = f" {metric.unit}" if metric.unit != "1" else ""
     what = "training seeds" if asked.size is None else "worlds"
+    shown = f"p {_equal(finding.p_holm)} after Holm"
+    if finding.p_architecture != finding.p:
+        shown += f" for these weights, {_equal(finding.p_architecture_holm)} for the architecture"
     return (
-        f"{a} has {abs(100 * finding.relative):.0f} % {more} {_named(asked)} than {b} {where} ({first} to {second}"
-        f"{units}; difference {interval_text(finding.difference)}, n = {finding.n} {what}, p = {finding.p_holm:.3f} "
-        f"after Holm): {finding.verdict}."
+        f"{a} has {abs(100 * finding.relative.mean):.0f} % {more} {_named(asked)} than {b} {where} ({first} to {second}"
+        f"{units}; difference {interval_text(finding.difference)}, n = {finding.n} {what}, {shown}): {finding.verdict}."
     )
+
+
+def _equal(p: float) -> str:
+    """A p-value behind its sign of equality."""
+    text = p_text(p)
+    return text if text.startswith("<") else "unknown" if text == "–" else f"= {text}"
 
 
 def _named(asked: Comparison) -> str:

@@ -6,10 +6,11 @@ import math
 import shlex
 from pathlib import Path
 
-from explore_bench.analysis.gate.judging import LEVEL, STATED_LOSS, Gate, Judgement, Verdict
+from explore_bench.analysis.gate.judging import STATED_LOSS, Gate, Judgement, Verdict
 from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.statistics import LEVEL
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.tables import Table, heading, number_text
+from explore_bench.report.tables import Table, heading, number_text, p_text
 
 HEADER = (
     *("Method", "size [m]", "metric", "n", "reference", "now", "worse by", "tolerated", "p, Holm"),
@@ -77,7 +78,7 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
         number_text(float(pair.now.mean()), mean) if found else "–",
         bounds if found else "–",
         f"{100 * one.tolerance:g} %",
-        f"{decision.p_holm:.4f}" if found else "–",
+        p_text(decision.p_holm),
         f"{pair.unexplored[0]} → {pair.unexplored[1] if found else '–'}",
         f"{math.floor(100 * judgement.power)} %",
         decision.verdict,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.two_folders import Difference, FolderComparison
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.tables import Table, heading, interval_text, number_text, signed_text
+from explore_bench.report.tables import Table, heading, interval_text, number_text, p_text, signed_text
 
 
 def comparison_table(found: FolderComparison) -> Table:
@@ -14,7 +14,7 @@ def comparison_table(found: FolderComparison) -> Table:
     note = (
         "Means over the n worlds that both folders have; B − A paired by world [95 % BCa bootstrap interval]; "
         "two-sided permutation test, Holm's correction over the whole table; d_z positive where B is better; ties "
-        "count half."
+        "count half; both of every training seed, then averaged."
     )
     if found.left_out:
         note += "\n\nNot compared, or with care:\n\n" + "\n".join(f"- {line}" for line in found.left_out)
@@ -29,7 +29,7 @@ def _row(own: Difference) -> tuple[str, ...]:
         str(own.n),
         *(number_text(mean, mean) for mean in own.means),
         interval_text(own.difference),
-        f"{own.p_holm:.4f}",
+        p_text(own.p_holm),
         signed_text(own.effect, 2),
         f"{own.improvement:.2f}",
         own.verdict,

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from handmade import trial_rows, write_thresholds
 
+from explore_bench.analysis.gate import accepted as module
 from explore_bench.analysis.gate.accepted import NOTE_FILE, TRIALS_FILE, accept, read_accepted, read_results
 from explore_bench.analysis.gate.thresholds import load_thresholds
 from explore_bench.analysis.tables import TRIAL_COLUMNS, write_trials
@@ -15,6 +16,12 @@ from explore_bench.errors import RequestError
 from explore_bench.trial.steps import SCHEMA_VERSION
 
 PROJECT = Path(__file__).parents[3] / "results" / "reference"
+
+
+@pytest.fixture(autouse=True)
+def least_worlds(monkeypatch):
+    """Two worlds are enough but where more are asked for."""
+    monkeypatch.setattr(module, "LEAST_WORLDS", 2)
 
 
 @pytest.fixture
@@ -87,8 +94,8 @@ def test_a_folder_all_of_whose_records_are_of_older_code_has_no_trials(own_store
     ("rows", "words"),
     [
         (trial_rows([1.0, 2.0], strategy="Mien"), r"results': strategy 'Mine' is unknown; did you mean 'Mien'"),
-        (trial_rows([1.0, 2.0], size=30.0), "has fewer than 2 worlds of Mine, 20 m; run more"),
-        (trial_rows([1.0]), "has fewer than 2 worlds of Mine, 20 m"),
+        (trial_rows([1.0, 2.0], size=30.0), "has 0 worlds of Mine, 20 m, and a gate needs 2 for bounds that hold; run"),
+        (trial_rows([1.0]), "has 1 world of Mine, 20 m"),
         (trial_rows([1.0, math.nan]), "trajectory_error of Mine, 20 m is not defined in every trial"),
         (trial_rows([0.0, 0.0]), "trajectory_error of Mine, 20 m is 0, so a loss is no share of it"),
         (trial_rows([1.0, 2.0])[:0], "results' holds no trial; run"),
@@ -104,6 +111,17 @@ def test_results_that_cannot_be_a_reference_are_refused_and_the_old_one_stays(re
         accept(reference, results(rows), "why")
     assert "\n" not in str(error.value)
     assert files(reference) == before
+
+
+def test_nineteen_worlds_make_no_gate(results, reference, monkeypatch):
+    monkeypatch.undo()
+    with pytest.raises(RequestError, match="has 19 worlds of Mine, 20 m, and a gate needs 20"):
+        accept(reference, results(trial_rows([1.0] * 19)), "why")
+    assert accept(reference, results(trial_rows([1.0] * 20)), "why") == 20
+    trials = (reference / TRIALS_FILE).read_text().splitlines()
+    (reference / TRIALS_FILE).write_text("\n".join(trials[:-1]) + "\n")
+    with pytest.raises(RequestError, match="has 19 worlds"):
+        read_accepted(reference)
 
 
 def test_a_reference_is_not_shrunk_by_accident(results, reference):
