@@ -20,6 +20,10 @@ class Entropy:
     α = 1 + 1/δ, follows the trace δ of the pose covariance predicted at the candidate: with a certain pose α → ∞
     and an observation is worth most; with an uncertain one α → 1.
 
+    It is not [15] to the letter. [15] takes both entropies of the map as it is, and a scalar of the covariance of the
+    robot's position; then an unknown cell promises nothing, both being 1 bit at p = 1/2, and a candidate in unknown
+    land least of all. Here Rényi's is of the map after one observation, and δ is of the 3 × 3 covariance [m² + rad²].
+
     Parameters
     ----------
     alpha : a fixed order α > 0 instead.

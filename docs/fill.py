@@ -127,6 +127,11 @@ def beam_sweep() -> str:
     return _markdown(sweep.drop(columns=["low", "high"]).assign(**{"95 % interval": interval}))
 
 
+def entropy_fringe() -> str:
+    """What known cells promise to `entropy`."""
+    return _markdown(pd.read_csv(STUDIES / "entropy-fringe.csv"))
+
+
 def stage_choices() -> str:
     """What the choices behind the lidar worlds do."""
     return _markdown(pd.read_csv(STUDIES / "stage-choices.csv"))
@@ -409,6 +414,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "calibration-fit": calibration_fit,
     "weight-sweep": weight_sweep,
     "beam-sweep": beam_sweep,
+    "entropy-fringe": entropy_fringe,
     "stage-choices": stage_choices,
     "stage-slam": stage_slam,
     "stage-frontiers": stage_frontiers,

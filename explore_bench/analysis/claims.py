@@ -30,8 +30,7 @@ from explore_bench.analysis.statistics import (
     effect_size,
     holm,
     improvement_probability,
-    mean_difference,
-    permutation_p,
+    unpaired_difference,
 )
 from explore_bench.analysis.tables import PAPER_SCENARIO
 from explore_bench.analysis.training_curve import TRAINING_METRICS, training_values
@@ -233,8 +232,8 @@ def _of_training(comparison: Comparison, sign: float) -> Finding:
     )
     if not len(a) or not len(b) or not (np.isfinite(a).all() and np.isfinite(b).all()):
         return _nothing(comparison)
-    gains, p = sign * np.subtract.outer(a, b).reshape(-1), permutation_p(a, b)
-    difference, mean = mean_difference(a, b), float(b.mean())
+    gains, mean = sign * np.subtract.outer(a, b).reshape(-1), float(b.mean())
+    difference, p = unpaired_difference(a, b)
     return Finding(
         comparison,
         n=min(len(a), len(b)),

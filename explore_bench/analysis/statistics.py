@@ -126,18 +126,24 @@ def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
     return Estimate(ratio, *_percentiles((weights @ a) / (weights @ b)), count)
 
 
-def mean_difference(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
-    """Mean of a minus mean of b, unpaired, shapes (n,) and (m,), with its percentile bootstrap interval.
+def unpaired_difference(a: np.ndarray, b: np.ndarray) -> tuple[Estimate, float]:
+    """Mean of a minus mean of b, shapes (n,) and (m,), with Welch's interval, and his p-value of "equal means" (1947).
 
-    `n` of the result is that of the smaller sample; one value in either leaves the interval open. Of a handful
-    of values it covers less than it says (89 % for five and five): the test by permutation is what counts there.
+    For training seeds, of which there are a handful: exchanging the labels of five and five has no p-value below 2/252,
+    so that in a family of seven nothing could ever be shown, and a bootstrap of five covers 89 % for 95.
+
+    `n` of the estimate is that of the smaller sample; with fewer than two in either there are no interval and no p.
     """
     mean, count = float(np.mean(a) - np.mean(b)), min(len(a), len(b))
     if count < 2:
-        return Estimate(mean, math.nan, math.nan, count)
-    rng = stream("evaluate", seed, 0, 0, "statistics")
-    means = [rng.choice(own, (RESAMPLES, len(own))).mean(axis=1) for own in (a, b)]
-    return Estimate(mean, *_percentiles(means[0] - means[1]), count)
+        return Estimate(mean, math.nan, math.nan, count), math.nan
+    if np.ptp(a) == np.ptp(b) == 0.0:
+        return Estimate(mean, mean, mean, count), 1.0 if mean == 0.0 else 0.0
+    from scipy.stats import ttest_ind
+
+    found = ttest_ind(a, b, equal_var=False)
+    low, high = found.confidence_interval(CONFIDENCE)
+    return Estimate(mean, float(low), float(high), count), float(found.pvalue)
 
 
 def sign_flip_p(differences: np.ndarray, seed: int = 0) -> float:
@@ -165,24 +171,6 @@ def sign_flip_p(differences: np.ndarray, seed: int = 0) -> float:
     observed = abs(differences.sum())
     extreme = np.count_nonzero(sums >= observed - 1e-12 * np.abs(differences).sum())
     return float(extreme / 2**n if exact else (extreme + 1) / (PERMUTATIONS + 1))
-
-
-def permutation_p(a: np.ndarray, b: np.ndarray, seed: int = 0) -> float:
-    """Two-sided p-value of "equal means" of two unpaired samples, shapes (n,) and (m,), by exchanging their labels."""
-    together = np.concatenate((a, b))
-    count, taken = len(together), len(a)
-    if math.comb(count, taken) <= PERMUTATIONS + 1:  # scipy refuses a sample of one
-        sums = np.array([together[list(own)].sum() for own in itertools.combinations(range(count), taken)])
-        expected = together.sum() * taken / count
-        tolerance = 1e-12 * np.abs(together).sum()
-        return float(np.mean(np.abs(sums - expected) >= abs(sums[0] - expected) - tolerance))
-    from scipy.stats import permutation_test
-
-    def difference(x: np.ndarray, y: np.ndarray, axis: int = -1) -> np.ndarray:
-        return np.asarray(np.mean(x, axis=axis) - np.mean(y, axis=axis))
-
-    rng = stream("evaluate", seed, 0, 0, "statistics")
-    return float(permutation_test((a, b), difference, n_resamples=PERMUTATIONS, vectorized=True, rng=rng).pvalue)
 
 
 def holm(p_values: Sequence[float]) -> np.ndarray:

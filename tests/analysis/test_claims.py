@@ -24,7 +24,14 @@ from explore_bench.analysis.claims import (
     metric_of,
     verdict,
 )
-from explore_bench.analysis.statistics import effect_size, holm, mean_interval, ratio_interval, sign_flip_p
+from explore_bench.analysis.statistics import (
+    effect_size,
+    holm,
+    mean_interval,
+    ratio_interval,
+    sign_flip_p,
+    unpaired_difference,
+)
 from explore_bench.errors import RequestError
 from explore_bench.runs.suites import SUITES
 from explore_bench.strategies.registry import strategies
@@ -222,7 +229,8 @@ def test_training_seeds_are_compared_unpaired(monkeypatch):
     claim = Claim("x", "a learns better.", comparisons("a", "b", ("final_reward",)))
     [finding] = found(rows("a", NOISE), claim=claim)
     assert (finding.n, finding.seeds, finding.verdict) == (5, (5, 5), SUPPORTED)
-    assert finding.p == pytest.approx(2 / 252)
+    assert (finding.difference, finding.p) == unpaired_difference(np.array(values["a"]), np.array(values["b"]))
+    assert finding.p_architecture == finding.p
     assert finding.improvement == 1.0
     values["b"] = [1.0]
     [finding] = found(rows("a", NOISE), claim=claim)

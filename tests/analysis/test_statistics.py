@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.stats import bootstrap, kendalltau, permutation_test, trim_mean
+from scipy.stats import bootstrap, kendalltau, permutation_test, t, trim_mean
 
 from explore_bench.analysis import statistics
 from explore_bench.analysis.statistics import (
@@ -17,14 +17,13 @@ from explore_bench.analysis.statistics import (
     holm,
     improvement_probability,
     interquartile_mean_interval,
-    mean_difference,
     mean_interval,
     order_agreement,
     paired_difference,
-    permutation_p,
     ratio_interval,
     sign_flip_p,
     survival,
+    unpaired_difference,
     win_tie_loss,
 )
 from explore_bench.trial.seeding import stream
@@ -213,24 +212,37 @@ def test_the_p_value_knows_neither_sign_nor_scale(values, scale):
     assert 0.0 < sign_flip_p(differences) <= 1.0
 
 
-def test_unpaired_samples_are_compared_as_scipy_does():
+def test_unpaired_samples_are_compared_by_welch_s_test():
+    """Variances 2.5 of 5 and 7/12 of 3, and the degrees of freedom that follow."""
     a, b = np.array([3.0, 4.0, 5.0, 6.0, 7.0]), np.array([1.0, 2.0, 2.5])
-
-    def difference(x, y, axis=-1):
-        return np.mean(x, axis=axis) - np.mean(y, axis=axis)
-
-    assert permutation_p(a, b) == pytest.approx(permutation_test((a, b), difference).pvalue)
-    assert permutation_p(a, b) == pytest.approx(2 / 56, abs=1e-9)
-    assert permutation_p(a[:1], b[:1]) == 1.0
-    assert permutation_p(a, b[:1]) == pytest.approx(1 / 6)
-    many = np.random.default_rng(8).normal(size=(2, 20)) + [[0.6], [0.0]]
-    expected = permutation_test(tuple(many), difference, n_resamples=40_000, rng=np.random.default_rng(1)).pvalue
-    assert permutation_p(*many) == pytest.approx(expected, abs=4 * math.sqrt(expected / PERMUTATIONS))
-    estimate = mean_difference(a, b)
+    estimate, p = unpaired_difference(a, b)
+    one, other = 2.5 / 5, 7 / 12 / 3
+    error, freedom = math.sqrt(one + other), (one + other) ** 2 / (one**2 / 4 + other**2 / 2)
     assert estimate.mean == pytest.approx(5.0 - 5.5 / 3)
-    assert estimate.low < estimate.mean < estimate.high
+    assert p == pytest.approx(2 * t.sf(estimate.mean / error, freedom))
+    assert estimate.high - estimate.mean == pytest.approx(t.isf(0.025, freedom) * error)
     assert estimate.n == 3
-    assert math.isnan(mean_difference(a, b[:1]).low)
+
+
+def test_single_and_steady_samples():
+    a = np.array([3.0, 4.0])
+    estimate, p = unpaired_difference(a, np.array([1.0]))
+    assert (estimate.mean, estimate.n) == (2.5, 1)
+    assert math.isnan(estimate.low)
+    assert math.isnan(p)
+    assert unpaired_difference(np.ones(3), np.zeros(2)) == (Estimate(1.0, 1.0, 1.0, 2), 0.0)
+    assert unpaired_difference(np.ones(3), np.ones(2))[1] == 1.0
+
+
+@pytest.mark.parametrize("counts", [(5, 5), (5, 3), (3, 3)])
+def test_of_equal_trainings_at_most_one_in_twenty_is_told_apart_and_intervals_cover(counts):
+    rng, told, covered = np.random.default_rng(14), 0, 0
+    for _ in range(2000):
+        estimate, p = unpaired_difference(*(rng.normal(0.0, 1.0, count) for count in counts))
+        told += p <= 0.05
+        covered += estimate.low <= 0.0 <= estimate.high
+    assert told / 2000 <= 0.06
+    assert covered / 2000 >= 0.94
 
 
 def test_a_ratio_of_means_resamples_worlds_together():
@@ -244,11 +256,10 @@ def test_a_ratio_of_means_resamples_worlds_together():
     assert math.isnan(ratio_interval(other[:1], SKEWED[:1]).low)
 
 
-@pytest.mark.parametrize("interval", [mean_difference, ratio_interval])
-def test_percentile_intervals_leave_a_fortieth_out_at_either_end(interval):
+def test_percentile_intervals_leave_a_fortieth_out_at_either_end():
     """Means of a thousand values are normal: 1.96 standard errors to either side; 1.64 would leave out a twentieth."""
     values = 10.0 + np.random.default_rng(9).normal(size=1000)
-    estimate = interval(values, np.ones(1000))
+    estimate = ratio_interval(values, np.ones(1000))
     error = values.std() / math.sqrt(1000)
     assert [(end - estimate.mean) / error for end in (estimate.low, estimate.high)] == pytest.approx(
         [-1.96, 1.96], abs=0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,8 @@ NOTE = (
     "comparisons of the claim. d_z: mean over standard deviation of the paired differences, positive where the claim "
     "would have it; P(better): share of the worlds on which the claim holds, ties half; both of every seed against "
     "every other, then averaged. Single seeds: smallest–largest mean of one training seed. Training curves are "
-    "compared between training seeds, unpaired: n is the smaller number of seeds, labels are exchanged for p, which is "
-    "of the architecture, and the interval, a percentile one, is too narrow for so few: there p counts. "
+    "compared between training seeds, unpaired, by Welch's test and interval, which are of the architecture: n is the "
+    "smaller number of seeds. "
     + "; ".join(f"{metric.symbol}: {metric.equation}" for metric in TRAINING_METRICS.values())
     + "."
 )
@@ -154,7 +155,7 @@ def sentence(finding: Finding) -> str:
     units = f" {metric.unit}" if metric.unit != "1" else ""
     what = "training seeds" if asked.size is None else "worlds"
     shown = f"p {_equal(finding.p_holm)} after Holm"
-    if finding.p_architecture != finding.p:
+    if not math.isnan(finding.p_architecture) and finding.p_architecture != finding.p:
         shown += f" for these weights, {_equal(finding.p_architecture_holm)} for the architecture"
     return (
         f"{a} has {abs(100 * finding.relative.mean):.0f} % {more} {_named(asked)} than {b} {where} ({first} to {second}"
@@ -165,7 +166,7 @@ def sentence(finding: Finding) -> str:
 def _equal(p: float) -> str:
     """A p-value behind its sign of equality."""
     text = p_text(p)
-    return text if text.startswith("<") else "unknown" if text == "–" else f"= {text}"
+    return text if text.startswith("<") else f"= {text}"
 
 
 def _named(asked: Comparison) -> str:

@@ -11,7 +11,7 @@ from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.signals import Command, Odometry
 
-PROBES = 8  # points along a straight step at which a collision is looked for: 6 cm apart at 0.5 m
+PROBES = 8  # points along a straight step at which a collision is looked for: 9 cm apart at the paper's 0.7 m
 
 
 class Robot:
