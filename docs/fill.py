@@ -16,6 +16,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -152,16 +153,16 @@ def stage_tuning() -> str:
     return _markdown(pd.read_csv(STUDIES / "stage-tuning.csv"))
 
 
-def stage_results() -> str:
-    """The table of the suite `stage`, as `explore-bench report` wrote it, its most telling columns."""
-    table = pd.read_csv(ROOT / "results" / "stage" / "tables" / "stage.csv")
+def lidar_results(suite: str) -> str:
+    """The table of a suite of lidar worlds, as `explore-bench report` wrote it, its most telling columns."""
+    table = pd.read_csv(ROOT / "results" / suite / "tables" / "stage.csv")
     return _markdown(table[list(STAGE_COLUMNS)].fillna("–"))
 
 
-def stage_transfer() -> str:
-    """What the comparisons of learned strategies in lidar worlds found, one sentence each."""
+def lidar_transfer(suite: str) -> str:
+    """What the comparisons of learned strategies in a suite of lidar worlds found, one sentence each."""
     lines = []
-    for claim in json.loads((ROOT / "results" / "stage" / "claims.json").read_text(encoding="utf-8")):
+    for claim in json.loads((ROOT / "results" / suite / "claims.json").read_text(encoding="utf-8")):
         lines.append(f"**{claim['claim']}**: {claim['verdict']}.\n")
         lines += [f"- {comparison['sentence']}" for comparison in claim["comparisons"]]
         lines.append("")
@@ -420,8 +421,10 @@ PARTS: dict[str, Callable[[], str]] = {
     "stage-frontiers": stage_frontiers,
     "stage-tuning": stage_tuning,
     "stage-view": stage_view,
-    "stage-results": stage_results,
-    "stage-transfer": stage_transfer,
+    "stage-results": partial(lidar_results, "stage"),
+    "plans-results": partial(lidar_results, "plans"),
+    "stage-transfer": partial(lidar_transfer, "stage"),
+    "plans-transfer": partial(lidar_transfer, "plans"),
     "map-order": map_order,
     "columns": columns,
     "lidar-columns": lidar_columns,
