@@ -28,7 +28,7 @@ robustness: $(READY)     ## Every strategy under other noise, ranges, densities 
 stage: $(READY)          ## The compared methods in lidar worlds at two ranges, into results/stage; half an hour
 	@$(call suite,stage,results/stage)
 
-plans: $(READY)          ## Five methods in drawn floor plans with a lidar, into results/plans; three quarters of an hour
+plans: $(READY)          ## Five methods in drawn floor plans with a lidar, into results/plans; half an hour
 	@$(call suite,plans,results/plans)
 
 gate: $(READY)           ## Is a metric worse than results/reference tolerates? A minute, into results/gate
