@@ -234,12 +234,13 @@ def _of_training(comparison: Comparison, sign: float) -> Finding:
         return _nothing(comparison)
     gains, mean = sign * np.subtract.outer(a, b).reshape(-1), float(b.mean())
     difference, p = unpaired_difference(a, b)
+    share = difference.mean / abs(mean) if mean and not comparison.metric.endswith("validation") else math.nan
     return Finding(
         comparison,
         n=min(len(a), len(b)),
         means=(float(a.mean()), mean),
         difference=difference,
-        relative=Estimate(difference.mean / abs(mean) if mean else math.nan, math.nan, math.nan, difference.n),
+        relative=Estimate(share, math.nan, math.nan, difference.n),  # of a logarithm it says nothing
         p=p,
         p_architecture=p,
         effect=effect_size(gains),
@@ -265,11 +266,9 @@ def _verdict(finding: Finding, architecture: bool) -> str:
         return NOT_MEASURED
     held = finding.difference.mean > 0 if better == "higher" else finding.difference.mean < 0
     word = SUPPORTED if held else CONTRADICTED
-    if architecture and finding.p_architecture_holm <= LEVEL:
-        return word
-    if finding.p_holm <= LEVEL:
-        return word + THESE_WEIGHTS if architecture else word
-    return NOT_SHOWN
+    if not finding.p_holm <= LEVEL:
+        return NOT_SHOWN
+    return word if not architecture or finding.p_architecture_holm <= LEVEL else word + THESE_WEIGHTS
 
 
 def as_values(claim: Claim, findings: Sequence[Finding]) -> dict[str, Any]:

@@ -118,7 +118,7 @@ class Paired:
 def paired(a: pd.DataFrame, b: pd.DataFrame, metric: str, matched: bool = False) -> Paired:
     """Pair the trials of two strategies, rows of `trials.csv`, on the worlds that every training seed of both tried.
 
-    With `matched`, seeds that both have are the same weights.
+    With `matched`, equal seeds are the same weights; where the two have not the same ones, every one meets every other.
     """
     own = [_by_seed(trials, metric) for trials in (a, b)]
     tried = [set(values) for of in own for values in of.values()]
@@ -130,7 +130,7 @@ def paired(a: pd.DataFrame, b: pd.DataFrame, metric: str, matched: bool = False)
             row[:] = [by_world[world] for world in worlds]
         rows.append(values)
     seeds = tuple(seed for seed in own[0] if seed is not None), tuple(seed for seed in own[1] if seed is not None)
-    return Paired(rows[0], rows[1], seeds, matched and seeds[0] == seeds[1])
+    return Paired(rows[0], rows[1], seeds, matched and seeds[0] == seeds[1] and len(rows[0]) == len(rows[1]))
 
 
 def _by_seed(trials: pd.DataFrame, metric: str) -> dict[int | None, dict[int, float]]:
@@ -147,7 +147,8 @@ def crossed_p(differences: np.ndarray, a: np.ndarray | None, b: np.ndarray | Non
     A value is its architecture's mean, plus an effect of the training seed, one of the world, and one of both, all
     random: seeds are crossed with worlds. The variance of the mean difference is put together from what worlds, seeds
     and the rest say of it, and Satterthwaite's degrees of freedom (1946) from theirs. A side with a single seed is
-    taken to vary with it as the other side does. NaN where no side has two: nothing tells what a training matters.
+    taken to vary with it as the other side does. NaN where too few tell what a training matters: two of either side are
+    needed, or three of one.
 
     Parameters
     ----------
@@ -158,7 +159,8 @@ def crossed_p(differences: np.ndarray, a: np.ndarray | None, b: np.ndarray | Non
 
     count = len(differences)
     sides = [side for side in (a, b) if side is not None]
-    if count < 2 or all(len(side) < 2 for side in sides):
+    seeds_of = [len(side) for side in sides]
+    if count < 2 or not (max(seeds_of) >= 3 or seeds_of == [2, 2]):
         return math.nan
     variance = float(np.var(differences, ddof=1)) / count  # of worlds, and of what a seed does in each
     squares = variance**2 / (count - 1)

@@ -1,6 +1,6 @@
 """Means with bootstrap intervals, differences paired by world, and tests of them. Every random draw has a seed.
 
-Intervals are 95 % bootstrap intervals over worlds, conditional on the weights of a learned strategy: its training
+Intervals over worlds are 95 % bootstrap intervals, conditional on the weights of a learned strategy: its training
 seeds are averaged within a world first. Axes: n worlds, S strategies.
 """
 
@@ -113,17 +113,20 @@ def paired_difference(a: dict[int, float], b: dict[int, float], seed: int = 0) -
 def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
     """Mean of a over mean of b, paired by world, shape (n,) each, with its percentile bootstrap interval.
 
-    NaN without an interval where b is 0 in every world.
+    NaN where the mean of b is 0; without an interval where that of a resample is, or has the other sign.
     """
     count = len(a)
-    if not np.any(b):
+    if not np.mean(b):
         return Estimate(math.nan, math.nan, math.nan, count)
     ratio = float(np.mean(a) / np.mean(b))
     if count < 2:
         return Estimate(ratio, math.nan, math.nan, count)
     rng = stream("evaluate", seed, 0, 0, "statistics")
     weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
-    return Estimate(ratio, *_percentiles((weights @ a) / (weights @ b)), count)
+    below = weights @ b
+    if not (np.all(below > 0) or np.all(below < 0)):
+        return Estimate(ratio, math.nan, math.nan, count)
+    return Estimate(ratio, *_percentiles((weights @ a) / below), count)
 
 
 def unpaired_difference(a: np.ndarray, b: np.ndarray) -> tuple[Estimate, float]:
@@ -205,9 +208,9 @@ def improvement_probability(gains: np.ndarray) -> float:
 def order_agreement(reference: Sequence[float], values: np.ndarray) -> Estimate:
     """Agreement of the order of S strategies with a reference, Kendall's τ-a, and what it may be where pairs are open.
 
-    The interval is of the orders that the worlds leave open: a pair whose difference is shown, with Holm's correction
-    over all pairs, stands as it is; every other one may be either way. (Resampled means are more disordered than the
-    means are, so that τ may stand at the end of a bootstrap interval, or outside.)
+    The interval is of what the worlds leave open: a pair whose difference is shown, with Holm's correction over all
+    pairs, stands as it is; every other one may be either way, whatever the others do. (Resampled means are more
+    disordered than the means are, so that τ may stand at the end of a bootstrap interval, or outside.)
 
     Parameters
     ----------
@@ -220,7 +223,7 @@ def order_agreement(reference: Sequence[float], values: np.ndarray) -> Estimate:
     shown = holm([sign_flip_p(own) for own in differences]) <= LEVEL
     wanted = [np.sign(reference[i] - reference[j]) for i, j in pairs]
     agree = np.sign([own.mean() for own in differences]) * wanted
-    sure, open_, total = agree[shown].sum(), np.count_nonzero(~shown), len(pairs)
+    sure, open_, total = agree[shown].sum(), np.abs(wanted)[~shown].sum(), len(pairs)
     tau, low, high = (float(agreeing) / total for agreeing in (agree.sum(), sure - open_, sure + open_))
     return Estimate(tau, low, high, values.shape[1])
 

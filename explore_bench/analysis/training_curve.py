@@ -1,7 +1,7 @@
 """What lies beside a file of weights of its training: what a trainer writes, the report draws and claims compare.
 
 The curve is of episodes that explore, each learner in its own worlds. Validations are of the greedy policy in worlds
-that are the same for all.
+that are the same for all who validate at the same sizes.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ def trainings(entry: Entry) -> dict[int, Training]:
         curve, validations = curve_path(weights_file(weights)), validations_path(weights_file(weights))
         rows = read_csv(curve, tuple(CURVE_COLUMNS)) if curve.is_file() else None
         if rows is not None and len(rows):
-            of_validations = read_csv(validations, tuple(VALIDATION_COLUMNS)) if validations.is_file() else None
-            found[seed] = Training(rows, of_validations)
+            made = read_csv(validations, tuple(VALIDATION_COLUMNS)) if validations.is_file() else None
+            found[seed] = Training(rows, made if made is not None and len(made) else None)
     return found
 
 

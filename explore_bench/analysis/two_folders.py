@@ -13,7 +13,7 @@ import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS, plain, read_csv
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.paired import paired
+from explore_bench.analysis.paired import Paired, paired
 from explore_bench.analysis.statistics import LEVEL, Estimate, holm
 from explore_bench.errors import RequestError
 
@@ -27,7 +27,7 @@ class Difference:
 
     Attributes
     ----------
-    n : worlds that both folders have.
+    n : worlds that every training seed of both folders tried.
     means : in A and in B.
     difference : B − A, paired by world, with its 95 % BCa bootstrap interval.
     p, p_holm : of "no difference", two-sided; after Holm's correction over the whole comparison.
@@ -77,11 +77,19 @@ def compare_folders(a: Path, b: Path) -> FolderComparison:
     others = dict(list(pair[1].groupby(CELL)))
     for cell, own in pair[0].groupby(CELL):
         for metric in COMPARED_METRICS:
-            difference = _difference(cell, metric, own, others[cell])
-            if difference is None:
+            both = paired(others[cell], own, metric, matched=True)
+            if not both.worlds:
+                left_out.append(f"{_place(cell)}: no world that every training seed of both tried")
+            elif not both.defined:
                 left_out.append(f"{_place(cell)}: {metric} is not defined for every trial")
             else:
-                found.append(difference)
+                found.append(_difference(cell, metric, both))
+                tried = own["trial"].nunique()
+                if both.worlds < tried:
+                    left_out.append(f"{_place(cell)}: {tried - both.worlds} worlds that not every training seed tried")
+    left_out = list(dict.fromkeys(left_out))
+    if not found and others:
+        raise RequestError(f"results folders '{a}' and '{b}' cannot be compared: {'; '.join(left_out)}.")
     if not found:
         raise RequestError(f"results folders '{a}' and '{b}' have no world in common; run the same suite in both.")
     adjusted = holm([difference.p for difference in found])
@@ -135,10 +143,7 @@ def _place(cell: Any) -> str:
     return f"{strategy}, {size:g} m" + (f", {scenario}" if scenario != "paper" else "")
 
 
-def _difference(cell: Any, metric: str, a: pd.DataFrame, b: pd.DataFrame) -> Difference | None:
-    pair = paired(b, a, metric, matched=True)
-    if not pair.defined:
-        return None
+def _difference(cell: Any, metric: str, pair: Paired) -> Difference:
     sign = 1.0 if METRICS[metric].better == "higher" else -1.0
     return Difference(
         str(cell[0]),

@@ -146,10 +146,11 @@ def of_b(worlds=50):
     ("spread", "seeds", "word"),
     [
         (0.01, 5, SUPPORTED),
-        (0.01, 2, SUPPORTED),
+        (0.01, 3, SUPPORTED),
+        (0.01, 2, SUPPORTED + THESE_WEIGHTS),
         (0.01, 1, SUPPORTED + THESE_WEIGHTS),
         (0.3, 5, SUPPORTED + THESE_WEIGHTS),
-        (0.3, 2, SUPPORTED + THESE_WEIGHTS),
+        (0.3, 3, SUPPORTED + THESE_WEIGHTS),
     ],
 )
 def test_a_verdict_about_an_architecture_asks_what_other_trainings_would_show(spread, seeds, word):
@@ -172,13 +173,22 @@ def test_a_rule_has_no_other_trainings():
     assert (finding.p, finding.verdict) == (finding.p_architecture, SUPPORTED)
 
 
+def test_an_architecture_is_not_shown_where_its_weights_are_not():
+    """Three worlds cannot show that any weights differ, however small the other p-value is."""
+    [finding] = found(*varied("a", 1.0, 0.01, 3, worlds=3), rows("b", 5.0 + NOISE[:3]))
+    assert finding.p_architecture_holm < 0.05 < finding.p_holm
+    assert finding.verdict == NOT_SHOWN
+
+
 def test_what_the_architecture_is_judged_by_is_corrected_by_itself():
-    """Three comparisons, of two the seeds are too few to say: the third stands alone."""
+    """Of two comparisons the seeds are too few to say: the third stands alone."""
     claim = Claim("x", "a beats all.", comparisons("a", ("b", "c", "d"), ("trajectory_error",), (20.0,)))
-    others = [rows(name, 1.2 + NOISE[::-1]) for name in "bcd"]
-    findings = found(*varied("a", 1.0, 0.05, 3), *others, claim=claim)
-    np.testing.assert_allclose([f.p_architecture_holm for f in findings], holm([f.p_architecture for f in findings]))
-    assert all(f.p_architecture_holm > f.p_architecture for f in findings)
+    others = [rows("b", 1.2 + NOISE[::-1]), rows("c", 1.2 + NOISE[::-1]), *varied("d", 1.2, 0.05, 3)]
+    b, c, d = found(*varied("a", 1.0, 0.05, 1), *others, claim=claim)
+    assert math.isnan(b.p_architecture)
+    assert math.isnan(c.p_architecture_holm)
+    assert d.p_architecture_holm == d.p_architecture < 1.0
+    assert d.p_holm > d.p
 
 
 def test_a_relative_difference_has_the_sign_of_the_difference():

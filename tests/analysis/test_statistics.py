@@ -267,6 +267,9 @@ def test_percentile_intervals_leave_a_fortieth_out_at_either_end():
 
 
 def test_a_ratio_to_nothing_is_not_defined():
+    assert math.isnan(ratio_interval(np.ones(2), np.array([-1.0, 1.0])).mean)
+    few = ratio_interval(np.ones(3), np.array([0.0, 0.0, 3.0]))
+    assert (few.mean, math.isnan(few.low), math.isnan(few.high)) == (1.0, True, True)
     estimate = ratio_interval(np.ones(4), np.zeros(4))
     assert math.isnan(estimate.mean)
     assert math.isnan(estimate.low)

@@ -125,6 +125,19 @@ def test_the_same_weights_are_compared_seed_by_seed(folders):
     assert own.effect == pytest.approx(np.mean([effect_size(gain) for gain in gains]))
 
 
+def test_worlds_that_not_every_training_seed_tried_are_said(folders):
+    full = rows([1.0] * 6, seed=0) + rows([1.0] * 6, seed=1)
+    found = compare_folders(*folders(full, full[:6] + full[6:9]))
+    assert {d.n for d in found.differences} == {3}
+    assert "nearest, 20 m: 3 worlds that not every training seed tried" in found.left_out
+
+
+def test_seeds_without_a_common_world_are_said(folders):
+    apart = rows([1.0] * 3, seed=0) + rows([1.0] * 3, seed=1, first=3)
+    with pytest.raises(RequestError, match="no world that every training seed of both tried"):
+        compare_folders(*folders(apart, apart))
+
+
 def test_as_many_but_other_training_seeds_are_said(folders):
     found = compare_folders(*folders(rows([1.0] * 3, seed=0), rows([2.5] * 3, seed=1)))
     assert found.left_out == ("nearest, 20 m: training seeds 0 in A, 1 in B; each is averaged over its own",)

@@ -116,6 +116,11 @@ def test_early_and_final_validations_worked_by_hand():
     assert {TRAINING_METRICS[name].better for name in ("early_validation", "final_validation")} == {"lower"}
 
 
+def test_a_training_that_was_never_validated_has_no_such_figure(ship, drawn):
+    ship(validated=VALIDATED[:0], gcn_obs=[STRAIGHT])
+    assert drawn().keys() == {"figure-09"}
+
+
 def test_greedy_policies_have_figures_of_their_own(ship, drawn):
     ship(validated=VALIDATED, gcn_obs=[STRAIGHT, STRAIGHT])
     shown = drawn()

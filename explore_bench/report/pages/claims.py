@@ -154,11 +154,13 @@ def sentence(finding: Finding) -> str:
     more = "higher" if finding.difference.mean > 0 else "lower"
     units = f" {metric.unit}" if metric.unit != "1" else ""
     what = "training seeds" if asked.size is None else "worlds"
-    shown = f"p {_equal(finding.p_holm)} after Holm"
+    share = abs(100 * finding.relative.mean)
+    by = "" if math.isnan(share) else f"{share:.0f} % "
+    shown = "too few to say" if math.isnan(finding.p_holm) else f"p {_equal(finding.p_holm)} after Holm"
     if not math.isnan(finding.p_architecture) and finding.p_architecture != finding.p:
         shown += f" for these weights, {_equal(finding.p_architecture_holm)} for the architecture"
     return (
-        f"{a} has {abs(100 * finding.relative.mean):.0f} % {more} {_named(asked)} than {b} {where} ({first} to {second}"
+        f"{a} has {by}{more} {_named(asked)} than {b} {where} ({first} to {second}"
         f"{units}; difference {interval_text(finding.difference)}, n = {finding.n} {what}, {shown}): {finding.verdict}."
     )
 

@@ -17,7 +17,7 @@ TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "
 """Figure → the table whose learned strategies it shows."""
 
 VALIDATION_FIGURES = {f"validation-{name.removeprefix('figure-')}": table for name, table in TRAINING_FIGURES.items()}
-"""Likewise of the greedy policies in the worlds of validation, which are the same for all."""
+"""Likewise of the greedy policies in their worlds of validation."""
 
 PANELS = {"reward": "reward a decision (Eq. 24)", "efficiency": "η [m²/step]", "error": "e [m]"}
 VALIDATED = {"objective": "log e − log η", "efficiency": "η [m²/step]", "error": "e [m]"}
@@ -63,7 +63,7 @@ def _validations(curves: dict[str, list[pd.DataFrame]]) -> Figure:
         "episodes",
         EPISODES,
         "episodes of training [thousand]",
-        "Greedy policies in the worlds of validation, the same for all; bands: lowest to highest of the seeds",
+        "Greedy policies in their worlds of validation; bands: lowest to highest of the seeds",
     )
 
 

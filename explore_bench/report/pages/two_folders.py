@@ -12,9 +12,9 @@ def comparison_table(found: FolderComparison) -> Table:
     """Every strategy, size and metric of two folders, B against A."""
     header = ("Method", "size [m]", "metric", "n", "A", "B", "B − A", "p, Holm", "d_z", "P(B better)", "B is")
     note = (
-        "Means over the n worlds that both folders have; B − A paired by world [95 % BCa bootstrap interval]; "
-        "two-sided permutation test, Holm's correction over the whole table; d_z positive where B is better; ties "
-        "count half; both of every training seed, then averaged."
+        "Means over the n worlds that every training seed of both folders tried; B − A paired by world [95 % BCa "
+        "bootstrap interval]; two-sided permutation test, Holm's correction over the whole table; d_z positive where B "
+        "is better; ties count half; both of every training seed, then averaged."
     )
     if found.left_out:
         note += "\n\nNot compared, or with care:\n\n" + "\n".join(f"- {line}" for line in found.left_out)

@@ -20,6 +20,10 @@ from explore_bench.world.lidar.constants import LidarScenario
 MARGINS = (0.0, 0.04, 0.08)
 """What is given up of the lethal radius, one after the other, where no frontier can be reached [m]."""
 
+LAST_MARGIN = 0.12
+"""Given up where all that is to no avail, along the way that the robot has driven and nowhere else: where it has come
+through there is a way, though on a map of coarse cells none is left."""
+
 RELEASES = 3
 """How often withheld frontiers come back because nothing else is left."""
 
@@ -66,6 +70,7 @@ class Navigator:
     def __init__(self, scenario: LidarScenario, map_: GridMap) -> None:
         self._scenario, self._map = scenario, map_
         self._tries = np.zeros(map_.grid.shape, dtype=np.uint8)
+        self._driven = np.zeros(map_.grid.shape, dtype=bool)
         self._releases = 0
         self.margin = 0.0
         self.look()
@@ -78,21 +83,28 @@ class Navigator:
         """Cheapest ways from a pose, keeping the lethal radius less a margin [m]; that of the last offer by default."""
         start = self._map.grid.cell_of(pose[0], pose[1])
         given = self.margin if margin is None else margin
-        return self.terrain.ways(start, self._scenario.lethal_radius - given)
+        lethal, terrain = self._scenario.lethal_radius, self.terrain
+        if given <= MARGINS[-1]:
+            return terrain.ways(start, lethal - given)
+        return Ways(terrain, start, terrain.free(lethal - MARGINS[-1]) | (self._driven & terrain.free(lethal - given)))
 
-    def offer(self, pose: Pose) -> Offer | None:
-        """Candidates from a pose; None where no frontier can be reached, whatever is given up."""
+    def offer(self, pose: Pose, driven: Array | None = None) -> Offer | None:
+        """Candidates from a pose; None where no frontier can be reached, whatever is given up.
+
+        `driven` are places [m] along the way to the pose, shape (N, 2 or more).
+        """
         while True:
             for margin in MARGINS:
-                ways = self.ways(pose, margin)
-                found = frontiers(self.terrain, ways, self._tries)
-                if found:
-                    self.margin = margin
-                    return self._offer(found, ways)
+                if offer := self._within(pose, margin):
+                    return offer
             if self._releases == RELEASES or not self._tries.any():
-                return None
+                break
             self._releases += 1
             self.release()
+        if driven is None or len(driven) < 2:
+            return None
+        self._driven = self._trace(driven)
+        return self._within(pose, LAST_MARGIN)
 
     def release(self) -> None:
         """Withhold nothing any more."""
@@ -118,6 +130,26 @@ class Navigator:
         """Whether what is believed now closes a route."""
         least = self._scenario.lethal_radius - self.margin - 0.02
         return bool(np.any(self.terrain.clearance.reshape(-1)[route[1:]] < least))
+
+    def _trace(self, places: Array) -> NDArray[np.bool_]:
+        """Cells along straight lines through places [m], and those around them, shape (rows, columns)."""
+        grid = self._map.grid
+        along = np.concatenate(([0.0], np.hypot(*np.diff(places[:, :2], axis=0).T).cumsum()))
+        every = np.arange(0.0, along[-1], 0.5 * grid.resolution)
+        x, y = (np.interp(every, along, places[:, axis]) for axis in (0, 1))
+        columns, rows = np.floor((x - grid.x0) / grid.resolution), np.floor((y - grid.y0) / grid.resolution)
+        inside = (columns >= 0) & (columns < grid.columns) & (rows >= 0) & (rows < grid.rows)
+        driven = np.zeros(grid.shape, dtype=bool)
+        driven[rows[inside].astype(int), columns[inside].astype(int)] = True
+        return np.asarray(ndimage.binary_dilation(driven, structure=np.ones((3, 3))))
+
+    def _within(self, pose: Pose, margin: float) -> Offer | None:
+        ways = self.ways(pose, margin)
+        found = frontiers(self.terrain, ways, self._tries)
+        if not found:
+            return None
+        self.margin = margin
+        return self._offer(found, ways)
 
     def _offer(self, found: list[Frontier], ways: Ways) -> Offer:
         grid, decisions = self._map.grid, self._scenario.grid

@@ -15,7 +15,7 @@ from explore_bench.robot.belief import Belief
 from explore_bench.robot.lidar.frontiers import Frontier
 from explore_bench.robot.lidar.local_planner import local_planner
 from explore_bench.robot.lidar.mapper import Mapper
-from explore_bench.robot.lidar.navigator import MARGINS, Navigator, Offer, seconds_for
+from explore_bench.robot.lidar.navigator import LAST_MARGIN, MARGINS, Navigator, Offer, seconds_for
 from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
@@ -82,7 +82,7 @@ class LidarExplorer:
         self._truth = _Truth(self.scenario, world)
         self._loops, self._ride = Loops(self.scenario, world), Ride(self.scenario, world)
         self._in_vain = 0
-        self._local = {margin: local_planner(self.scenario, margin) for margin in MARGINS}
+        self._local = {margin: local_planner(self.scenario, margin) for margin in (*MARGINS, LAST_MARGIN)}
         self.mapper = Mapper(self.scenario, world.start, self._lidar.scan(world.start), lap)
         self._navigator = Navigator(self.scenario, self.mapper.slam.map)
         self._patience = Patience(self.scenario)
@@ -122,7 +122,7 @@ class LidarExplorer:
         if trouble := self._trouble():
             raise StuckError(trouble)
         self._navigator.look()
-        offer = self._navigator.offer(self.mapper.slam.pose)
+        offer = self._navigator.offer(self.mapper.slam.pose, self.mapper.slam.poses)
         self._lap("frontiers")
         if offer is None:
             raise StuckError("no frontier can be reached")

@@ -9,7 +9,14 @@ from lidar_worlds import SMALL, begin, cluttered, ranges_at
 
 from explore_bench.robot.lidar.frontiers import MOST_TRIES, frontiers
 from explore_bench.robot.lidar.grid_map import GridMap
-from explore_bench.robot.lidar.navigator import MARGINS, RELEASES, Navigator, along, seconds_for
+from explore_bench.robot.lidar.navigator import (
+    LAST_MARGIN,
+    MARGINS,
+    RELEASES,
+    Navigator,
+    along,
+    seconds_for,
+)
 from explore_bench.strategies.contract import Observation
 from explore_bench.world.lidar.constants import LidarScenario
 
@@ -203,9 +210,27 @@ def test_a_strait_that_is_too_narrow_is_taken_when_nothing_else_is_left():
 
 
 def test_no_margin_lets_the_robot_through_where_it_does_not_fit():
-    """Nothing narrower than the robot itself is driven through."""
+    """Nothing narrower than the robot itself is driven through, unless it has come that way."""
     assert SCENARIO.lethal_radius - max(MARGINS) > SCENARIO.robot_radius
-    assert navigator_of((35, 45), walls=[(slice(0, 39), 25), (slice(42, 80), 25)]).offer(START) is None
+    narrow = navigator_of((35, 45), walls=[(slice(0, 39), 25), (slice(42, 80), 25)])
+    assert narrow.offer(START) is None
+    assert narrow.offer(START, np.array([(1.0, 1.0), (1.0, 4.0), START[:2]])) is None
+    assert narrow.offer(START, np.array([(3.5, 4.05), START[:2]])) is not None
+
+
+def test_a_robot_that_its_map_closes_in_goes_back_the_way_that_it_came():
+    """In an alley of five cells one row is believed occupied: clearance 0.2 m, where 0.23 m are asked for."""
+    walls = [(30, slice(10, 40)), (36, slice(10, 40)), (31, slice(16, 26))]
+    navigator, pose = Navigator(SCENARIO, map_of((8, 20), walls=walls)), (2.05, 3.45, 0.0)
+    assert navigator.ways(pose, MARGINS[-1]).reached.sum() == 1
+    assert navigator.offer(pose) is None
+    offer = navigator.offer(pose, np.array([(0.5, 1.5), (0.5, 3.45), pose[:2]]))
+    assert offer is not None
+    assert navigator.margin == LAST_MARGIN
+    assert not navigator.blocked(offer.routes[0])
+    assert math.isfinite(navigator.ways(pose).cost[offer.frontiers[0].goal])
+    assert navigator.offer((1.0, 1.0, 0.0)) is not None
+    assert navigator.margin == 0.0, "outside nothing is given up any more"
 
 
 def test_a_frontier_is_resolved_when_half_of_it_is_one_no_more():
