@@ -24,7 +24,7 @@ from explore_bench.trial.steps import SCHEMA_VERSION
 
 THRESHOLDS_FILE, TRIALS_FILE, NOTE_FILE = "thresholds.toml", "trials.csv", "accepted.json"
 LEAST_WORLDS = 20
-"""Of every pair: bounds from fewer are wrong more often than they say."""
+"""Of every pair: Student's bounds ask for means that are about normal, and of fewer worlds they need not be."""
 
 HOW = "run the trials and 'explore-bench gate --accept --reason TEXT'"
 

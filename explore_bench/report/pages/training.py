@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -22,8 +23,38 @@ VALIDATION_FIGURES = {f"validation-{name.removeprefix('figure-')}": table for na
 PANELS = {"reward": "reward a decision (Eq. 24)", "efficiency": "η [m²/step]", "error": "e [m]"}
 VALIDATED = {"objective": "log e − log η", "efficiency": "η [m²/step]", "error": "e [m]"}
 
-EPISODES = 500.0
-"""Between two places at which validations of several seeds are averaged."""
+
+class View(NamedTuple):
+    """How rows that are stored of trainings are drawn.
+
+    Attributes
+    ----------
+    panels : columns with their titles.
+    along, spacing : column of the horizontal axis, and how far apart values of several seeds are averaged.
+    axis, title : what stands below and above.
+    """
+
+    panels: dict[str, str]
+    along: str
+    spacing: float
+    axis: str
+    title: str
+
+
+TRAINING = View(
+    PANELS,
+    "steps",
+    CURVE_WINDOW,
+    "simulated steps [thousand]",
+    f"Training, means over {CURVE_WINDOW:,} steps; bands: lowest to highest of the seeds",
+)
+VALIDATION = View(
+    VALIDATED,
+    "episodes",
+    500.0,
+    "episodes of training [thousand]",
+    "Greedy policies in their worlds of validation; bands: lowest to highest of the seeds",
+)
 
 
 def write_training_figures(folder: Path) -> list[Path]:
@@ -31,55 +62,26 @@ def write_training_figures(folder: Path) -> list[Path]:
     written: list[Path] = []
     with styled():
         for (name, table), greedy in zip(TRAINING_FIGURES.items(), VALIDATION_FIGURES, strict=True):
-            shown = {
-                key: list(trainings(entry).values()) for key, entry in strategies().items() if table in entry.tables
-            }
-            curves = {key: [training.curve for training in own] for key, own in shown.items() if own}
-            written += save_all(_curves(curves) if curves else None, folder / name)
+            shown = {key: trainings(entry).values() for key, entry in strategies().items() if table in entry.tables}
+            curves = {key: [own.curve for own in of] for key, of in shown.items()}
             validated = {
-                key: [training.validations for training in own if training.validations is not None]
-                for key, own in shown.items()
+                key: [own.validations for own in of if own.validations is not None] for key, of in shown.items()
             }
-            validated = {key: own for key, own in validated.items() if own}
-            written += save_all(_validations(validated) if validated else None, folder / greedy)
+            written += save_all(_figure(curves, TRAINING), folder / name)
+            written += save_all(_figure(validated, VALIDATION), folder / greedy)
     return written
 
 
-def _curves(curves: dict[str, list[pd.DataFrame]]) -> Figure:
-    return _figure(
-        curves,
-        PANELS,
-        "steps",
-        CURVE_WINDOW,
-        "simulated steps [thousand]",
-        f"Training, means over {CURVE_WINDOW:,} steps; bands: lowest to highest of the seeds",
-    )
-
-
-def _validations(curves: dict[str, list[pd.DataFrame]]) -> Figure:
-    return _figure(
-        curves,
-        VALIDATED,
-        "episodes",
-        EPISODES,
-        "episodes of training [thousand]",
-        "Greedy policies in their worlds of validation; bands: lowest to highest of the seeds",
-    )
-
-
-def _figure(
-    curves: dict[str, list[pd.DataFrame]],
-    panels: dict[str, str],
-    along: str,
-    spacing: float,
-    axis: str,
-    title: str,
-) -> Figure:
-    figure, grid = plt.subplots(1, len(panels), figsize=(11.5, 3.6))
-    for axes, (column, label) in zip(grid, panels.items(), strict=True):
+def _figure(curves: dict[str, list[pd.DataFrame]], view: View) -> Figure | None:
+    """Curves of each strategy's seeds; None where there are none."""
+    curves = {name: own for name, own in curves.items() if own}
+    if not curves:
+        return None
+    figure, grid = plt.subplots(1, len(view.panels), figsize=(11.5, 3.6))
+    for axes, (column, label) in zip(grid, view.panels.items(), strict=True):
         for name, own in curves.items():
             entry = strategies()[name]
-            places, values = on_one_axis(own, column, along, spacing)
+            places, values = on_one_axis(own, column, view.along, view.spacing)
             places = places / 1000
             seeds = f" ({len(own)} seeds)" if len(own) > 1 else ""
             axes.plot(places, np.nanmean(values, axis=0), color=entry.color, linewidth=1.2, label=entry.label + seeds)
@@ -87,9 +89,9 @@ def _figure(
                 axes.fill_between(
                     places, np.nanmin(values, axis=0), np.nanmax(values, axis=0), color=entry.color, alpha=0.15, lw=0
                 )
-        axes.set(xlabel=axis, title=label)
+        axes.set(xlabel=view.axis, title=label)
         axes.set_xlim(left=0)
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(curves)))
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(view.title, fontsize=10)
     return figure
