@@ -240,7 +240,7 @@ def _goals(task: _Task, plans: _Plans, b: int, depth: int) -> NDArray[np.int64]:
     shape = task.grid.rows, task.grid.columns
     place = cell_of(task.grid, plans.pose[b, 0], plans.pose[b, 1])
     free = _known_free(plans.known[b], plans.seen[b], task.obstacles, task.landmark_cells).reshape(shape)
-    _, plans.parent[b] = search_grid(free, place, -1)
+    _, plans.parent[b] = search_grid(free, place)
     frontier = frontier_cells(plans.known[b].reshape(shape), free, free, place)
     return _select(frontier, place, task.landmarks[plans.seen[b]], task.grid, task.counts)
 

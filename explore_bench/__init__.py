@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         renyi_entropy as renyi_entropy,
         shannon_entropy as shannon_entropy,
     )
-    from explore_bench.robot.planning.astar import search_grid as search_grid, trace_path as trace_path
+    from explore_bench.robot.planning.shortest_paths import search_grid as search_grid, trace_path as trace_path
     from explore_bench.robot.planning.frontier import frontier_cells as frontier_cells
     from explore_bench.robot.planning.roads import Reachable as Reachable, Roads as Roads
     from explore_bench.runs.conformance import check as check
@@ -109,8 +109,8 @@ PUBLIC: dict[str, str] = {
     "centre_of": "geometry",
     "wrap_angle": "geometry",
     "frontier_cells": "robot.planning.frontier",
-    "search_grid": "robot.planning.astar",
-    "trace_path": "robot.planning.astar",
+    "search_grid": "robot.planning.shortest_paths",
+    "trace_path": "robot.planning.shortest_paths",
     "Driver": "robot.landmark.driver",
     "drive_to": "robot.landmark.driver",
     "OCCUPIED_ABOVE": "robot.occupancy",

@@ -1,6 +1,6 @@
 """What defines a trial's numbers: a digest of its specification, of the code that it runs and of the libraries.
 
-Code counts by its syntax trees without docstrings: a comment changes nothing, an edited A* makes every stored
+Code counts by its syntax trees without docstrings: a comment changes nothing, an edited path search makes every stored
 trial stale. It is that of the simulation loop, of the kind of world and of the factory's module, followed through
 imports into its own package, into packages that register strategies, and into whatever lies outside of the installed
 libraries. What is imported lazily is followed by name: the parts of a kind, and the public names of `explore_bench`.

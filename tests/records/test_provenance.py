@@ -500,7 +500,7 @@ STALE = {
     "explore_bench/world/landmark/motion.py": LANDMARK,
     "second_kind.py": CHESS,
     # of all
-    "explore_bench/robot/planning/astar.py": CHESS + LANDMARK,
+    "explore_bench/robot/planning/shortest_paths.py": CHESS + LANDMARK,
     "explore_bench/trial/loop.py": CHESS + LANDMARK,
     "explore_bench/trial/run.py": CHESS + LANDMARK,
     "explore_bench/world/scenario.py": CHESS + LANDMARK,

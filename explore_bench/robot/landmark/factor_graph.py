@@ -27,10 +27,7 @@ class FactorGraph:
 
     def __init__(self, scenario: LandmarkScenario, start: Pose) -> None:
         self._start = start
-        parameters = gtsam.ISAM2Params()
-        parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
-        parameters.relinearizeSkip = 1
-        self._isam = gtsam.ISAM2(parameters)
+        self._isam = _smoother("CHOLESKY")
         noise = scenario.noise
         self._prior = _sigmas(noise.prior, noise.prior, noise.prior_heading)
         self._sighting = _sigmas(noise.bearing, noise.range)
@@ -77,8 +74,25 @@ class FactorGraph:
                 point = np.array([guess[0] + distance * math.cos(angle), guess[1] + distance * math.sin(angle)])
                 values.insert(L(number), point)
             graph.add(gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting))
-        self._isam.update(graph, values)
-        return odometry is None or len(sightings.landmarks) > 0 or self._has_moved(self._steps - 1)
+        solved_anew = self._update(graph, values)
+        return odometry is None or len(sightings.landmarks) > 0 or solved_anew or self._has_moved(self._steps - 1)
+
+    def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> bool:
+        """Give iSAM2 new factors and variables; returns whether the whole graph was solved anew.
+
+        gtsam's Cholesky gives up where the last two pivots of a clique differ by 2¹², which a long drive without a
+        landmark reaches though nothing is undetermined. QR has no such rule, at some cost, so it takes over from there.
+        """
+        try:
+            self._isam.update(graph, values)
+        except RuntimeError:
+            if self._isam.params().getFactorization() == "QR":
+                raise
+            taken_in, at = self._isam.getFactorsUnsafe(), self._isam.getLinearizationPoint()
+            self._isam = _smoother("QR")
+            self._isam.update(taken_in, at)
+            return True
+        return False
 
     def newest_pose(self) -> Pose:
         """Estimate of the newest pose."""
@@ -107,6 +121,14 @@ class FactorGraph:
         x, y, heading = poses[-1].tolist()
         self._pose = (x, y, heading)
         return poses, landmarks
+
+
+def _smoother(factorization: str) -> gtsam.ISAM2:
+    parameters = gtsam.ISAM2Params()
+    parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
+    parameters.relinearizeSkip = 1
+    parameters.setFactorization(factorization)
+    return gtsam.ISAM2(parameters)
 
 
 def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid
 from explore_bench.geometry.rays import clearance_of
-from explore_bench.robot.planning.astar import SQRT2, trace_path
+from explore_bench.robot.planning.shortest_paths import SQRT2, trace_path
 
 SOFT_RADIUS = 0.6
 """Clearance [m] from which on a way costs no more than its length."""

@@ -1,1 +1,1 @@
-"""Where the robot could go next, on the grid that it believes in: frontiers, candidates and A* paths."""
+"""Where the robot could go next, on the grid that it believes in: frontiers, candidates and shortest paths."""

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.geometry import Array, Pose, cells_of
-from explore_bench.robot.planning.astar import shortest_path
 from explore_bench.robot.planning.frontier import frontier_cells
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.world.scenario import Scenario
@@ -131,10 +130,8 @@ def _select(ground: Ground, frontier: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _plan(ground: Ground, free: NDArray[np.bool_], cells: NDArray[np.int64]) -> Candidates:
-    planned = [shortest_path(free, ground.own_cell, cell) for cell in cells.tolist()]
-    grid = ground.scenario.grid
-    lengths = np.array([length for _, length in planned]) * grid.resolution
-    return Candidates(cells, tuple(path for path, _ in planned), lengths, Roads(grid, free, ground.own_cell))
+    roads = Roads(ground.scenario.grid, free, ground.own_cell)
+    return Candidates(cells, tuple(roads.path_to(cell) for cell in cells.tolist()), roads.lengths_to(cells), roads)
 
 
 def _surroundings(cell: int, known: NDArray[np.bool_]) -> bytes:

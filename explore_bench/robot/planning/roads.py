@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.geometry import Array, Grid
-from explore_bench.robot.planning.astar import search_grid, trace_path
+from explore_bench.robot.planning.shortest_paths import search_grid, trace_path
 
 
 class Reachable(NamedTuple):
@@ -47,7 +47,7 @@ class Roads:
 
     @cached_property
     def _searched(self) -> tuple[Array, NDArray[np.int64]]:
-        return search_grid(self.free, self.start, -1)
+        return search_grid(self.free, self.start)
 
     @cached_property
     def reachable(self) -> Reachable:
@@ -71,3 +71,7 @@ class Roads:
             raise ValueError(f"cell {cell} is not on the grid; its cells are 0 to {self.grid.cells - 1}")
         cost, parent = self._searched
         return trace_path(parent, cell) if np.isfinite(cost[cell]) else np.empty(0, dtype=np.int64)
+
+    def lengths_to(self, cells: NDArray[np.int64]) -> Array:
+        """Length of the shortest drive to each of some cells [m], shape as given; infinite where there is none."""
+        return self._searched[0][cells] * self.grid.resolution

@@ -6,7 +6,16 @@ import gtsam
 import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
-from slam_reference import moved, sightings_of, small_drive, values_of
+from slam_reference import (
+    PINNED,
+    diagonal,
+    moved,
+    odometry_factor,
+    sighting_factor,
+    sightings_of,
+    small_drive,
+    values_of,
+)
 
 from explore_bench.robot.landmark.factor_graph import FactorGraph
 from explore_bench.world.scenario import Scenario
@@ -160,3 +169,42 @@ def test_the_estimate_is_near_the_batch_optimum(seed):
     difference[:, 2] = np.arctan2(np.sin(difference[:, 2]), np.cos(difference[:, 2]))
     assert np.abs(difference).max() < 0.01
     assert np.abs(drive.smoother.landmarks - landmarks).max() < 0.01
+
+
+def test_a_long_drive_without_a_landmark_is_survived():
+    """350 m straight ahead, a turn and back to the landmark of the start: iSAM2's Cholesky gives up at the turn."""
+    scenario, landmark = Scenario(**PINNED), (2.0, 1.0)
+    graph, alone = FactorGraph(scenario, (0.0, 0.0, 0.0)), gtsam.ISAM2()
+    commands = [(0.0, 0.5)] * 700 + [(math.pi, 0.0)] + [(0.0, 0.5)] * 700
+    poses = [(0.0, 0.0, 0.0)]
+    for command in commands:
+        poses.append(moved(poses[-1], command))
+
+    def seen_from(x, y, heading):
+        dx, dy = landmark[0] - x, landmark[1] - y
+        near = math.hypot(dx, dy) < 5.0
+        return sightings_of([(4, math.atan2(dy, dx) - heading, math.hypot(dx, dy))] if near else [])
+
+    said = []
+    for odometry, pose in zip([None, *map(scenario.noise.odometry, commands)], poses, strict=True):
+        said.append(graph.add(odometry, seen_from(*pose)))
+        graph.newest_pose()
+    estimated, landmarks = graph.estimate()
+    np.testing.assert_allclose(estimated[:, :2], np.array(poses)[:, :2], atol=1e-6)
+    np.testing.assert_allclose(landmarks, [landmark], atol=1e-6)
+    unseen = [told for told, pose in zip(said, poses, strict=True) if not len(seen_from(*pose).landmarks)]
+    assert unseen.count(True) == 1, "solved anew once, and said so"
+    with pytest.raises(RuntimeError, match="Indeterminate"):
+        for step, (command, pose) in enumerate(zip([None, *commands], poses, strict=True)):
+            one = gtsam.NonlinearFactorGraph()
+            if command is None:
+                one.add(gtsam.PriorFactorPose2(X(0), gtsam.Pose2(*pose), diagonal(0.05, 0.05, 0.0002)))
+            else:
+                one.add(odometry_factor(scenario, step - 1, command))
+            values = gtsam.Values()
+            values.insert(X(step), gtsam.Pose2(*pose))
+            if step == 0:
+                values.insert(L(0), np.array(landmark))
+            for bearing, distance in zip(seen_from(*pose).bearings, seen_from(*pose).ranges, strict=True):
+                one.add(sighting_factor(scenario, step, 0, bearing, distance))
+            alone.update(one, values)

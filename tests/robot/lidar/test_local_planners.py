@@ -12,7 +12,7 @@ from explore_bench.robot.lidar.driving import Limits, look_ahead, roll_out, turn
 from explore_bench.robot.lidar.dwa import DynamicWindow
 from explore_bench.robot.lidar.local_planner import local_planner
 from explore_bench.robot.lidar.pursuit import Pursuit
-from explore_bench.robot.planning.astar import shortest_path
+from explore_bench.robot.planning.roads import Roads
 from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.motion import Vehicle
 from explore_bench.world.lidar.world import LidarWorld, clearance_of
@@ -47,8 +47,8 @@ def room_of(walls, start, size=6.0, free=None):
 def path_through(room, goal):
     grid = room.map_grid
     free = room.believed >= SCENARIO.lethal_radius
-    cells, length = shortest_path(free, grid.cell_of(*room.world.start[:2]), grid.cell_of(*goal))
-    assert math.isfinite(length)
+    cells = Roads(grid, free, grid.cell_of(*room.world.start[:2])).path_to(grid.cell_of(*goal))
+    assert len(cells)
     return grid.centres(cells)
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from explore_bench.geometry import Grid
-from explore_bench.robot.planning.astar import shortest_path
+from explore_bench.robot.planning.shortest_paths import search_grid
 from explore_bench.robot.planning.roads import Roads
 
 
@@ -29,10 +29,13 @@ def roads(draw):
 
 @given(roads())
 def test_reachable_are_the_cells_to_which_a_shortest_path_leads_with_its_length(one):
-    expected = {cell: shortest_path(one.free, one.start, cell)[1] for cell in range(one.grid.cells)}
+    expected = dict(enumerate(search_grid(one.free, one.start)[0].tolist()))
     cells, lengths = one.reachable
     assert cells.tolist() == [cell for cell in expected if cell != one.start and math.isfinite(expected[cell])]
     assert lengths == pytest.approx([one.grid.resolution * expected[cell] for cell in cells.tolist()], rel=1e-12)
+    assert one.lengths_to(np.arange(one.grid.cells)).tolist() == [
+        one.grid.resolution * length for length in expected.values()
+    ]
 
 
 @given(roads())

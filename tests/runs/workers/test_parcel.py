@@ -78,11 +78,11 @@ def test_what_differs_is_named(tmp_path, name):
 
 def test_edited_code_of_the_core_is_refused(tmp_path, monkeypatch, fresh_digests):
     from explore_bench.records import provenance
-    from explore_bench.robot.planning import astar
+    from explore_bench.robot.planning import shortest_paths
 
     parcel = parcel_of("nearest")
     fresh_digests()
-    syntax, edited = provenance._syntax, Path(astar.__file__).read_bytes()
+    syntax, edited = provenance._syntax, Path(shortest_paths.__file__).read_bytes()
     with monkeypatch.context() as patch:
         patch.setattr(provenance, "_syntax", lambda source: b"edited" if source == edited else syntax(source))
         with pytest.raises(OtherCodeError, match=rf"it has code \w+ for {parcel.versions['code']};"):

@@ -1,4 +1,7 @@
-"""A* on a grid of 8 neighbours without corner cutting: a diagonal step needs both cells beside it free."""
+"""Shortest paths on a grid of 8 neighbours without corner cutting: a diagonal step needs both cells beside it free.
+
+One search from the robot (Dijkstra) serves every goal: A* would need one each, and a map of 200 m has hundreds.
+"""
 
 from __future__ import annotations
 
@@ -13,37 +16,6 @@ SQRT2 = math.sqrt(2.0)
 
 _ROW_STEPS = np.array([-1, 0, 0, 1, -1, -1, 1, 1])
 _COLUMN_STEPS = np.array([0, -1, 1, 0, -1, 1, -1, 1])
-
-
-def shortest_path(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.int64], float]:
-    """Shortest path between two cells of a grid.
-
-    Parameters
-    ----------
-    free : whether a cell may be driven through, shape (rows, columns). The start's own cell never blocks.
-    start, goal : cells.
-
-    Returns
-    -------
-    The cells of the path from start to goal, shape (P,), and its length in cell edges; no cells and infinity where
-    the goal cannot be reached. Ties are broken by cell index, so equal grids give equal paths.
-
-    Raises
-    ------
-    ValueError : for a grid without two axes, or a cell that is not on it.
-    """
-    if free.ndim != 2 or not (0 <= start < free.size and 0 <= goal < free.size):
-        raise ValueError(f"no cells {start} and {goal} on a grid of shape {free.shape}")
-    return _astar(np.ascontiguousarray(free), start, goal)
-
-
-@jit
-def _octile(cell: int, goal: int, columns: int) -> float:
-    """Length of the shortest path on an empty grid: never too long, so A* is exact. 0 where there is no goal."""
-    if goal < 0:
-        return 0.0
-    up, along = abs(cell // columns - goal // columns), abs(cell % columns - goal % columns)
-    return max(up, along) + (SQRT2 - 1.0) * min(up, along)
 
 
 @jit
@@ -64,14 +36,6 @@ def may_step(free: NDArray[np.bool_], row: int, column: int, direction: int, sta
 
 
 @jit
-def _astar(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.int64], float]:
-    cost, parent = search_grid(free, start, goal)
-    if cost[goal] == np.inf:
-        return np.empty(0, dtype=np.int64), np.inf
-    return trace_path(parent, goal), cost[goal]
-
-
-@jit
 def trace_path(parent: NDArray[np.int64], goal: int) -> NDArray[np.int64]:
     """Cells from the start of a search to a cell that it reached, shape (P,)."""
     length = 1
@@ -88,10 +52,12 @@ def trace_path(parent: NDArray[np.int64], goal: int) -> NDArray[np.int64]:
 
 
 @jit
-def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Cost [cell edges] and parent of every cell, shape (rows · columns,): exact up to the goal, for all if goal < 0.
+def search_grid(free: NDArray[np.bool_], start: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cost [cell edges] of the shortest path from a start to every cell, and its parent, shape (rows · columns,).
 
-    A cell that was not reached has an infinite cost; the start has no parent (−1).
+    `free`, shape (rows, columns), says which cells may be driven through; the start's own never blocks. A cell that
+    cannot be reached has an infinite cost; the start has no parent (−1). Ties are broken by cell index, so equal grids
+    give equal paths.
     """
     columns, cells = free.shape[1], free.size
     cost = np.full(cells, np.inf)
@@ -100,7 +66,7 @@ def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray
     heap_key = np.empty(8 * cells + 1)
     heap_cell = np.empty(8 * cells + 1, dtype=np.int64)
     cost[start] = 0.0
-    heap_key[0], heap_cell[0] = _octile(start, goal, columns), start
+    heap_key[0], heap_cell[0] = 0.0, start
     size = 1
     while size > 0:
         cell = heap_cell[0]
@@ -109,8 +75,6 @@ def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray
         if closed[cell]:
             continue
         closed[cell] = True
-        if cell == goal:
-            break
         row, column = cell // columns, cell % columns
         for direction in range(8):
             neighbour = may_step(free, row, column, direction, start)
@@ -120,7 +84,7 @@ def search_grid(free: NDArray[np.bool_], start: int, goal: int) -> tuple[NDArray
             if through < cost[neighbour] - 1e-12:  # not for the rounding of a way of the same length
                 cost[neighbour] = through
                 parent[neighbour] = cell
-                _push(heap_key, heap_cell, size, through + _octile(neighbour, goal, columns), neighbour)
+                _push(heap_key, heap_cell, size, through, neighbour)
                 size += 1
     return cost, parent
 
