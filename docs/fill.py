@@ -133,6 +133,11 @@ def entropy_fringe() -> str:
     return _markdown(pd.read_csv(STUDIES / "entropy-fringe.csv"))
 
 
+def chen2020() -> str:
+    """Steps and entropies in [8]'s protocol beside [8]'s own."""
+    return _markdown(pd.read_csv(STUDIES / "chen2020.csv"))
+
+
 def stage_choices() -> str:
     """What the choices behind the lidar worlds do."""
     return _markdown(pd.read_csv(STUDIES / "stage-choices.csv"))
@@ -416,6 +421,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "weight-sweep": weight_sweep,
     "beam-sweep": beam_sweep,
     "entropy-fringe": entropy_fringe,
+    "chen2020": chen2020,
     "stage-choices": stage_choices,
     "stage-slam": stage_slam,
     "stage-frontiers": stage_frontiers,

@@ -47,9 +47,9 @@ if TYPE_CHECKING:
         renyi_entropy as renyi_entropy,
         shannon_entropy as shannon_entropy,
     )
-    from explore_bench.robot.planning.shortest_paths import search_grid as search_grid, trace_path as trace_path
     from explore_bench.robot.planning.frontier import frontier_cells as frontier_cells
     from explore_bench.robot.planning.roads import Reachable as Reachable, Roads as Roads
+    from explore_bench.robot.planning.shortest_paths import search_grid as search_grid, trace_path as trace_path
     from explore_bench.runs.conformance import check as check
     from explore_bench.runs.runner import run as run
     from explore_bench.strategies.contract import (

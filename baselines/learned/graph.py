@@ -289,8 +289,14 @@ FEATURES: dict[str, Feature] = {
 EQUATION_4 = ("distance", "bearing", "shannon", "renyi", "flag")
 """Columns of Eq. 4."""
 
-EQUATION_4_ALONG_PATHS = ("path_length", "bearing", "shannon", "renyi", "flag")
-"""The same with d of a candidate read as the length of the way there."""
+
+def equation_4(along_paths: bool = False, of_cells: bool = False) -> tuple[str, ...]:
+    """Columns of Eq. 4 under other readings: d of a candidate along its planned path, H_γ of a node's own cell."""
+    other = {"distance": "path_length"} if along_paths else {}
+    if of_cells:
+        other["shannon"] = "cell_shannon"
+    return tuple(other.get(name, name) for name in EQUATION_4)
+
 
 CHEN_2020 = ("trace", "distance", "bearing", "occupancy", "flag")
 """Columns of [8]."""

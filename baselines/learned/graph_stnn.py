@@ -7,7 +7,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor, nn
 
-from baselines.learned.graph import EQUATION_4, EQUATION_4_ALONG_PATHS, ExplorationGraph, exploration_graph
+from baselines.learned.graph import ExplorationGraph, equation_4, exploration_graph
 from baselines.learned.layers import (
     GraphBatch,
     Noise,
@@ -26,6 +26,7 @@ HEAD_CHANNELS = 64
 LAYERS = (1, 2, 3)
 HEADS = ("caption", "text")
 DISTANCES = ("straight", "path")
+ENTROPIES = ("view", "cell")
 
 
 class GraphSTNN(nn.Module):
@@ -39,10 +40,12 @@ class GraphSTNN(nn.Module):
     head : what the head sees of a candidate beside the state: its original and spatial features as in the caption
         of Fig. 3, or spatial and temporal ones as in the text of §3.3.3.
     distance : what d of Eq. 4 is for a candidate: the straight distance, or the length of the planned path.
+    entropy : what H_γ of Eq. 5 is: summed over the cells in view of a node, or that of its own cell.
 
     Raises
     ------
-    ValueError : for another number of layers, another head or distance, or a head that tells no candidates apart.
+    ValueError : for another number of layers, another head, distance or entropy, or a head that tells no candidates
+        apart.
     """
 
     def __init__(
@@ -53,13 +56,19 @@ class GraphSTNN(nn.Module):
         layers: int = 2,
         head: Literal["caption", "text"] = "caption",
         distance: Literal["straight", "path"] = "straight",
+        entropy: Literal["view", "cell"] = "view",
     ) -> None:
         super().__init__()
-        switches = (("layers", layers, LAYERS), ("head", head, HEADS), ("distance", distance, DISTANCES))
+        switches = (
+            ("layers", layers, LAYERS),
+            ("head", head, HEADS),
+            ("distance", distance, DISTANCES),
+            ("entropy", entropy, ENTROPIES),
+        )
         for key, value, known in switches:
             if value not in known:
                 raise ValueError(f"there is no {key} {value!r}; choose one of {', '.join(map(repr, known))}")
-        self.columns = EQUATION_4_ALONG_PATHS if distance == "path" else EQUATION_4
+        self.columns = equation_4(along_paths=distance == "path", of_cells=entropy == "cell")
         if head == "text" and not spatial:
             raise ValueError("head 'text' tells candidates apart by their spatial features alone; set spatial=True")
         self.switches = {"spatial": spatial, "temporal": temporal, "state": state, "layers": layers, "head": head}

@@ -27,7 +27,7 @@ from typing import Any
 from explore_bench.strategies.entry import GROUP, parse_factory, weights_file
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import SCHEMA_VERSION
-from explore_bench.world.kinds import DEFAULT_KIND, kind_of
+from explore_bench.world.kinds import kind_of
 from explore_bench.world.scenario import Scenario
 
 PACKAGE = "explore_bench"
@@ -70,10 +70,14 @@ def trial_key(spec: TrialSpec) -> str:
 
 
 def scenario_digest(scenario: Scenario) -> str:
-    """Twelve hexadecimal digits of all constants of a scenario."""
+    """Twelve hexadecimal digits of all constants of a scenario.
+
+    Those that came later count only where they are not as usual, so that cards of older weights go on naming it.
+    """
     values = scenario.model_dump()
-    if scenario.kind == DEFAULT_KIND:  # cards of weights from before there were kinds go on naming their scenario
-        del values["kind"]
+    for name in scenario.later:
+        if values[name] == type(scenario).model_fields[name].default:
+            del values[name]
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -84,7 +84,11 @@ def _write_all(
         files.append(_write_csv(summary, folder / "summary.csv"))
         tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
         files += write_survival_figures(trials, folder / "figures")
-    files += write_tables(({"claims": overview(found)} if found else {}) | tables, folder / "tables")
+    claims = {"claims": overview(found)} if found else {}
+    if trials["scenario"].nunique() == 1:
+        only = str(trials["scenario"].iloc[0])
+        tables, claims = ({key: table.naming(only) for key, table in made.items()} for made in (tables, claims))
+    files += write_tables(claims | tables, folder / "tables")
     files += write_figures(store, records, folder / "figures")
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]

@@ -85,7 +85,7 @@ def pack_replay(record: TrialRecord, replay: Replay) -> bytes:
         "range": scenario.sensor_range,
         "wallCells": record.world.grid.columns,
         "obstacles": np.flatnonzero(record.world.walls).tolist(),
-        "landmarks": [[round(float(x), 2), round(float(y), 2)] for x, y in record.world.landmarks],
+        "landmarks": [[round(float(x), 2), round(float(y), 2)] for x, y in record.world.landmarks - _corner(scenario)],
     }
     if replay.fine_maps:
         assert record.fine_map is not None
@@ -94,11 +94,17 @@ def pack_replay(record: TrialRecord, replay: Replay) -> bytes:
     return pack(header, columns)
 
 
+def _corner(scenario: Scenario) -> np.ndarray:
+    """Lower left corner of the grid [m], shape (2,): the player's origin."""
+    return np.array([scenario.grid.x0, scenario.grid.y0])
+
+
 def _add_steps(columns: Columns, record: TrialRecord) -> None:
     """Add what changes with every step: poses, their 1-σ ellipses and the three curves."""
     steps = record.steps
+    corner = dict(zip("xy", _corner(record.spec.scenario).tolist(), strict=True))
     for name in ("x", "y", "true_x", "true_y"):
-        columns.add(name, steps[name], lag=1)
+        columns.add(name, steps[name] - corner[name[-1]], lag=1)
     columns.add("heading", steps["heading"] % math.tau, lag=1)
     _add_ellipses(columns, "pose_", steps["cov_xx"], steps["cov_xy"], steps["cov_yy"], lag=1)
     length = len(steps["step"])
@@ -113,8 +119,9 @@ def _add_decisions(columns: Columns, replay: Replay, scenario: Scenario) -> None
     candidates = [own or [] for own in replay.candidates]
     columns.add("decided_at", replay.steps, lag=1)
     columns.add("choice", [-1 if choice is None else choice for choice in replay.choices])
-    columns.add("target_x", [target[0] if target else -1.0 for target in replay.targets])
-    columns.add("target_y", [target[1] if target else -1.0 for target in replay.targets])
+    corner_x, corner_y = _corner(scenario).tolist()
+    columns.add("target_x", [target[0] - corner_x if target else -1.0 for target in replay.targets])
+    columns.add("target_y", [target[1] - corner_y if target else -1.0 for target in replay.targets])
     columns.add("candidate_count", [len(own) for own in candidates])
     columns.add("candidates", [cell for own in candidates for cell in own], lag=1)
     columns.add("map", [_classes(one, scenario) for one in replay.maps], lag=count)
@@ -126,8 +133,8 @@ def _add_decisions(columns: Columns, replay: Replay, scenario: Scenario) -> None
     columns.add("angle", np.where(round_, 0.0, ellipses[..., 2]), lag=count)
     landmarks = np.concatenate([*replay.landmarks, np.zeros((0, 5))])
     columns.add("landmark_count", [len(own) for own in replay.landmarks])
-    columns.add("landmark_x", landmarks[:, 0])
-    columns.add("landmark_y", landmarks[:, 1])
+    columns.add("landmark_x", landmarks[:, 0] - corner_x)
+    columns.add("landmark_y", landmarks[:, 1] - corner_y)
     _add_ellipses(columns, "landmark_", *landmarks[:, 2:].T)
 
 

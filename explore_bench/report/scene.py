@@ -8,10 +8,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, PathPatch
+from matplotlib.patches import Circle, Patch, PathPatch, Rectangle
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from explore_bench.geometry import Grid
 from explore_bench.report.fine_scene import draw_fine_map, fine_map_legend
 from explore_bench.report.moment import Scene
 from explore_bench.report.scene_colors import (
@@ -57,10 +58,13 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
 
 
 def frame(axes: Axes, scene: Scene) -> None:
-    """Show all of the map and nothing around it."""
-    size = scene.scenario.size
-    axes.set(xlim=(0, size), ylim=(0, size), aspect="equal", xticks=[], yticks=[])
+    """Show the map and what the robot can see beyond its border, and nothing around that."""
+    scenario = scene.scenario
+    size, around = scenario.size, min((scenario.extent - scenario.size) / 2, scenario.sensor_range)
+    axes.set(xlim=(-around, size + around), ylim=(-around, size + around), aspect="equal", xticks=[], yticks=[])
     axes.grid(False)
+    if around:
+        axes.add_patch(Rectangle((0.0, 0.0), size, size, fill=False, edgecolor=TRUE, linewidth=0.8, linestyle="dashed"))
     for spine in axes.spines.values():
         spine.set_visible(True)
 
@@ -71,8 +75,8 @@ def _draw_cells(axes: Axes, scene: Scene) -> None:
     belief = unpack_map(snapshot.map, grid.shape)
     shade = np.where(np.isnan(belief), 0, np.where(belief > 0.5, 2, 1))
     for kind, color in enumerate((UNKNOWN, FREE, OCCUPIED)):
-        axes.add_patch(PathPatch(squares(shade == kind, grid.resolution), facecolor=color, edgecolor="none", zorder=0))
-    outlines = squares(world.walls, world.grid.resolution)
+        axes.add_patch(PathPatch(squares(shade == kind, grid), facecolor=color, edgecolor="none", zorder=0))
+    outlines = squares(world.walls, world.grid)
     axes.add_patch(PathPatch(outlines, fill=False, edgecolor=TRUE, linewidth=0.6, alpha=0.7, zorder=2))
     _ellipses(axes, scenario, snapshot)
     axes.plot(steps["true_x"], steps["true_y"], color=TRUE, linewidth=0.9)
@@ -115,11 +119,11 @@ def scene_legend(scene: Scene) -> list[Line2D | Patch]:
     ]
 
 
-def squares(cells: np.ndarray, side: float) -> Path:
+def squares(cells: np.ndarray, grid: Grid) -> Path:
     """Outlines [m] of the cells of a grid that are set, shape (n, n), as one path: no seam shows between two."""
     rows, columns = np.nonzero(cells)
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
-    points = (np.stack((columns, rows), axis=-1)[:, None] + corners) * side
+    points = (np.stack((columns, rows), axis=-1)[:, None] + corners) * grid.resolution + (grid.x0, grid.y0)
     codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY]
     return Path(points.reshape(-1, 2), np.tile(np.array(codes, dtype=np.uint8), len(rows)))
 

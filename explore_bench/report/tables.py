@@ -7,7 +7,7 @@ import io
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -78,6 +78,10 @@ class Table:
     note: str = ""
     scopes: tuple[Scope, ...] = ()
     columns: tuple[Scope, ...] = ()
+
+    def naming(self, scenario: str) -> Table:
+        """Copy whose note names the scenario of all its trials."""
+        return replace(self, note=f"Scenario: {scenario}. {self.note}".strip())
 
     def markdown(self) -> str:
         """Return the table as GitHub Markdown."""

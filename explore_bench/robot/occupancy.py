@@ -109,6 +109,11 @@ class OccupancyMap:
             self._log_odds, self.known, poses, patches, origins, self._grid, self._sensor_range, self._increments
         )
 
+    def occupy(self, cells: NDArray[np.int64]) -> None:
+        """Hold cells for hit once, whatever was seen of them."""
+        self._log_odds[cells] = self._increments[0]
+        self.known[cells] = True
+
     @property
     def probability(self) -> Array:
         """Probability of being occupied, shape (n_g,)."""

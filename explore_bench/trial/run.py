@@ -33,8 +33,8 @@ class TrialResult:
     ----------
     steps : one row a step, the first before any step; empty where the trial failed before.
     snapshots : replay of each decision by the number of the step at which it was made, and of the end.
-    final_poses, final_covariances : trajectory and its position covariances (xx, xy, yy) as estimated at the end,
-        shapes (N, 3); N = 0 for a trial that failed.
+    final_poses, final_covariances : trajectory of the counted steps and its position covariances (xx, xy, yy) as
+        estimated at the end, shapes (N, 3); N = 0 for a trial that failed.
     decision_seconds : time the strategy took for each choice.
     transient : whether it failed for want of time, memory or disk, or of something that its strategy needs in order to
         be made, and is worth another try.
@@ -74,8 +74,9 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
             ending = _play(events, strategy, steps, snapshots, seconds)
             status, reason = ending.status, ending.reason
             snapshots[len(steps) - 1] = take_snapshot(ending.belief)
-            final_poses = ending.belief.poses
-            final_covariances = ending.belief.pose_covariances[:, [0, 0, 1], [0, 1, 1]]
+            counted = slice(-len(steps), None)  # moves at the start have poses, and no row
+            final_poses = ending.belief.poses[counted]
+            final_covariances = ending.belief.pose_covariances[counted, [0, 0, 1], [0, 1, 1]]
     except OutOfTime:
         transient = True
         reason = f"took longer than the {timeout:g} s allowed"

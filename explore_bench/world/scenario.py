@@ -54,6 +54,9 @@ class Scenario(BaseModel):
     most_plan_cells: ClassVar[int] = MAX_CELLS
     """Most cells of a given map."""
 
+    later: ClassVar[tuple[str, ...]] = ()
+    """Constants that came after weights of this kind were trained; see `scenario_digest`."""
+
     kind: str
     sensor_range: Positive
 
@@ -124,7 +127,7 @@ class Scenario(BaseModel):
             own = _size_of(self.map, getattr(self, self.plan_cell), self.cell_size)
             if abs(self.size - own) > 1e-9:
                 raise ValueError(f"size {self.size:g} m is not that of the map, {own:g} m; leave it out")
-        if abs(self.size / self.cell_size - self.edge) > 1e-9:
+        if abs(self.extent / self.cell_size - self.edge) > 1e-9:
             raise ValueError(f"size {self.size:g} m is no multiple of cell_size {self.cell_size:g} m")
         if not 4 <= self.cell_count <= MAX_CELLS:
             raise ValueError(f"size {self.size:g} m gives {self.cell_count} cells; keep it from 4 to {MAX_CELLS}")
@@ -141,20 +144,26 @@ class Scenario(BaseModel):
         """Raise a ValueError where the constants of this kind do not fit together."""
 
     @property
+    def extent(self) -> float:
+        """Edge [m] of the grid; it may reach beyond the map."""
+        return self.size
+
+    @property
     def edge(self) -> int:
-        """Cells along an edge of the map."""
-        return round(self.size / self.cell_size)
+        """Cells along an edge of the grid."""
+        return round(self.extent / self.cell_size)
 
     @cached_property
     def grid(self) -> Grid:
-        """Grid of the decisions, of U and of coverage; its lower left corner is the origin."""
+        """Grid of the decisions, of U and of coverage; the lower left corner of the map is the origin."""
         from explore_bench.geometry import Grid  # by need: see kinds
 
-        return Grid(self.edge, self.edge, self.cell_size)
+        corner = (self.size - self.extent) / 2
+        return Grid(self.edge, self.edge, self.cell_size, corner, corner)
 
     @property
     def cell_count(self) -> int:
-        """Cells of the map, n_g of Eq. 3."""
+        """Cells of the grid, n_g of Eq. 3."""
         return self.edge**2
 
     @property

@@ -73,14 +73,25 @@ def test_whatever_defines_a_trial_changes_its_key(fields):
 @pytest.mark.parametrize("name", sorted(LandmarkScenario.model_fields.keys() - {"kind"}))
 def test_every_constant_of_the_scenario_changes_the_key(name):
     other = {"fusion": "determinant", "first_sight": "replace", "occlusion": True, "cell_size": 1.0, "coverage": 0.7}
-    other |= {"key_pose_spacing": 0.5, "map": ("......",) * 6}
+    other |= {
+        "key_pose_spacing": 0.5,
+        "map": ("......",) * 6,
+        "landmarks_occupy": True,
+        "margin": 2.0,
+        "withhold": False,
+    }
+    other |= {"start_moves": 4, "planner": "straight"}
     value = getattr(TINY, name)
     new = other[name] if name in other else 1 if value is None else 2 * value
     if name in ("hit", "miss", "occupancy_clamp"):
         new = value + 0.01
     if name == "obstacle_density":
         new = value / 2
-    assert trial_key(changed(scenario=TINY.replace(**{name: new}))) != trial_key(BASE)
+    base = {"obstacle_count": 0} if name == "planner" else {}  # it goes round nothing
+    scenario = TINY.replace(**base)
+    assert trial_key(changed(scenario=scenario.replace(**{name: new}))) != trial_key(changed(scenario=scenario))
+    if name != "map":
+        assert scenario_digest(scenario.replace(**{name: new})) != scenario_digest(scenario)
 
 
 def test_the_kind_of_world_changes_the_key(monkeypatch):

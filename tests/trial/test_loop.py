@@ -304,7 +304,7 @@ def test_decisions_that_do_not_leave_a_cell_are_stuck(limit):
 
 def test_decisions_in_new_cells_are_not_counted_as_stuck():
     """One decision a cell is allowed; the trial goes on for as long as every decision leaves its cell."""
-    events, ending = play(PAPER.replace(stuck_decisions=1), nearest, 1)
+    events, ending = play(PAPER.replace(stuck_decisions=1), nearest, 2)
     assert ending.status is Status.EXPLORED
     assert len(decisions_of(events)) > 5
 

@@ -123,7 +123,7 @@ def test_a_forged_way_leads_nowhere():
     with pytest.raises(ValueError, match="read-only"):
         roads.free[:] = True
     object.__setattr__(roads, "free", np.ones_like(roads.free))
-    with pytest.raises(ChoiceError, match=f"cell {unknown}, which is blocked or not known"):
+    with pytest.raises(ChoiceError, match=f"lies in cell {unknown}, to which no way leads"):
         process.decide(Target(TINY.grid.centre_of(unknown)))
 
 

@@ -1,5 +1,6 @@
 """The physical constants: the paper's counts, what is refused and how."""
 
+import math
 import pickle
 
 import pytest
@@ -67,9 +68,10 @@ def test_the_constants_that_the_paper_gives():
 
 def test_chen_2020_is_expressed():
     chen = CHEN_2020
-    assert (chen.size, chen.sensor_range, chen.landmarks, chen.obstacles) == (40.0, 6.0, 8, 0)
+    assert (chen.size, chen.margin, chen.landmarks, chen.obstacles) == (40.0, 20.0, 8, 0)
+    assert (chen.sensor_range, chen.coverage) == (math.nextafter(6.0, 0.0), math.nextafter(0.85, 1.0)), "both strict"
     assert (chen.candidates_per_robot, chen.candidates_per_landmark) == (1, 1)
-    assert (chen.step_length, chen.coverage) == (2.0, 0.85)
+    assert (chen.step_length, chen.planner, chen.start_moves) == (2.0, "straight", 4)
 
 
 # Values
@@ -92,7 +94,7 @@ def test_scenarios_are_equal_and_hash_by_value_whatever_was_asked_of_them():
 def test_replace_keeps_the_rest_and_validates_anew():
     changed = CHEN_2020.replace(coverage=0.5)
     assert (changed.coverage, changed.landmarks, changed.step_length) == (0.5, 8, 2.0)
-    assert CHEN_2020.coverage == 0.85
+    assert CHEN_2020.coverage == math.nextafter(0.85, 1.0)
     with pytest.raises(RequestError, match=r"coverage.*1\.5"):
         CHEN_2020.replace(coverage=1.5)
 

@@ -125,9 +125,9 @@ def test_a_file_may_draw_a_map_itself(toml):
 def test_a_file_may_name_a_map_that_lies_beside_it_whatever_the_working_folder(toml, tmp_path, monkeypatch):
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "rooms.txt").write_text("\n".join(ROWS))
-    path = toml('extends = "chen2020"\nmap = "maps/rooms.txt"\ncell_size = 1.0\n')
+    path = toml('extends = "chen2020"\nmap = "maps/rooms.txt"\ncell_size = 1.0\nplanner = "grid"\n')
     monkeypatch.chdir(tmp_path / "maps")
-    assert load_scenario(path) == CHEN_2020.replace(map=ROWS, cell_size=1.0)
+    assert load_scenario(path) == CHEN_2020.replace(map=ROWS, cell_size=1.0, planner="grid")
 
 
 def test_a_file_says_how_wide_a_pixel_is(toml, tmp_path):

@@ -91,7 +91,7 @@ def _draw_ways(axes: Axes, own: dict[str, TrialRecord]) -> None:
     world = next(iter(own.values())).world
     edge = world.grid.columns * world.grid.resolution
     for cells, color in ((~world.counted, UNCOUNTED), (world.walls, OBSTACLE)):
-        axes.add_patch(PathPatch(squares(cells, world.grid.resolution), facecolor=color, edgecolor="none"))
+        axes.add_patch(PathPatch(squares(cells, world.grid), facecolor=color, edgecolor="none"))
     for name in in_order(own):
         steps = own[name].steps
         style = "--" if entry_of(name).reference else "-"

@@ -16,27 +16,31 @@ from explore_bench.world.signals import Command
 class Driver(NamedTuple):
     """The rule by which the robot drives: turn when the bearing is off by more than a threshold, else go straight.
 
-    A named tuple, so compiled functions take it.
+    An open loop looks at no estimate on the way: one turn to the waypoint, of 0° even, as many full steps as there is
+    room for, and one of the rest ([8]'s planner). A named tuple, so compiled functions take it.
 
     Attributes
     ----------
     step_length : longest straight command [m].
     turn_threshold : bearing error that asks for a turn in place [rad].
     arrival_radius : distance at which a waypoint is reached [m].
+    open_loop : whether it drives so.
     """
 
     step_length: float
     turn_threshold: float
     arrival_radius: float
+    open_loop: bool = False
 
     @classmethod
     def of(cls, scenario: LandmarkScenario) -> Driver:
         """Return the driver of a scenario."""
-        return cls(scenario.step_length, math.radians(scenario.turn_threshold_deg), scenario.arrival_radius)
+        threshold = math.radians(scenario.turn_threshold_deg)
+        return cls(scenario.step_length, threshold, scenario.arrival_radius, scenario.planner == "straight")
 
     def command(self, pose: Pose, waypoint: tuple[float, float]) -> Command | None:
-        """Next command towards a waypoint [m], or None when it is reached."""
-        turn, forward = _command(*self, pose, waypoint)
+        """Next command towards a waypoint [m] in a closed loop, or None when it is reached."""
+        turn, forward = _command(self, pose, waypoint)
         return None if turn == 0.0 and forward == 0.0 else (turn, forward)
 
     def follow(self, pose: Pose, waypoints: Array) -> Array:
@@ -45,18 +49,16 @@ class Driver(NamedTuple):
 
 
 @jit
-def _command(
-    step_length: float, turn_threshold: float, arrival_radius: float, pose: Pose, waypoint: tuple[float, float]
-) -> Command:
+def _command(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> Command:
     """Next command towards a waypoint; (0, 0) when it is reached."""
     dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
     distance = math.hypot(dx, dy)
-    if distance <= arrival_radius:
+    if distance <= driver.arrival_radius:
         return 0.0, 0.0
     turn = wrap_angle(math.atan2(dy, dx) - pose[2])
-    if abs(turn) > turn_threshold:
+    if abs(turn) > driver.turn_threshold:
         return turn, 0.0
-    return 0.0, min(step_length, distance)
+    return 0.0, min(driver.step_length, distance)
 
 
 @jit
@@ -64,7 +66,7 @@ def drive_to(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> tuple
     """Steps that a robot without noise takes to reach a waypoint [m], and its pose there."""
     steps = 0
     while True:
-        turn, forward = _command(driver.step_length, driver.turn_threshold, driver.arrival_radius, pose, waypoint)
+        turn, forward = _command(driver, pose, waypoint)
         if turn == 0.0 and forward == 0.0:
             return steps, pose
         pose = compose(pose, (forward, 0.0, turn))
@@ -76,8 +78,19 @@ def _follow(driver: Driver, pose: Pose, waypoints: Array) -> Array:
     commands = []
     for w in range(waypoints.shape[0]):
         waypoint = (waypoints[w, 0], waypoints[w, 1])
+        if driver.open_loop:
+            dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
+            turn, left = wrap_angle(math.atan2(dy, dx) - pose[2]), math.hypot(dx, dy)
+            commands.append((turn, 0.0))
+            pose = compose(pose, (0.0, 0.0, turn))
+            full = int(left / driver.step_length)
+            for k in range(full + 1):
+                forward = driver.step_length if k < full else left - full * driver.step_length
+                commands.append((0.0, forward))
+                pose = compose(pose, (forward, 0.0, 0.0))
+            continue
         while True:
-            turn, forward = _command(driver.step_length, driver.turn_threshold, driver.arrival_radius, pose, waypoint)
+            turn, forward = _command(driver, pose, waypoint)
             if turn == 0.0 and forward == 0.0:
                 break
             commands.append((turn, forward))

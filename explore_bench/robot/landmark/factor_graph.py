@@ -12,9 +12,6 @@ from explore_bench.geometry import Array, Pose, compose
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Odometry, Sightings
 
-RELINEARIZE_THRESHOLD = 0.01
-"""Change of a variable [m or rad] beyond which iSAM2 linearizes its factors anew, looked for at every update."""
-
 UNMOVED = 1e-9
 """Change of an estimate [m, rad] that counts as none."""
 
@@ -27,7 +24,10 @@ class FactorGraph:
 
     def __init__(self, scenario: LandmarkScenario, start: Pose) -> None:
         self._start = start
-        self._isam = _smoother("CHOLESKY")
+        self._parameters = gtsam.ISAM2Params()
+        self._parameters.setRelinearizeThreshold(scenario.relinearize_threshold)
+        self._parameters.relinearizeSkip = scenario.relinearize_interval
+        self._isam = gtsam.ISAM2(self._parameters)
         noise = scenario.noise
         self._prior = _sigmas(noise.prior, noise.prior, noise.prior_heading)
         self._sighting = _sigmas(noise.bearing, noise.range)
@@ -89,7 +89,8 @@ class FactorGraph:
             if self._isam.params().getFactorization() == "QR":
                 raise
             taken_in, at = self._isam.getFactorsUnsafe(), self._isam.getLinearizationPoint()
-            self._isam = _smoother("QR")
+            self._parameters.setFactorization("QR")
+            self._isam = gtsam.ISAM2(self._parameters)
             self._isam.update(taken_in, at)
             return True
         return False
@@ -121,14 +122,6 @@ class FactorGraph:
         x, y, heading = poses[-1].tolist()
         self._pose = (x, y, heading)
         return poses, landmarks
-
-
-def _smoother(factorization: str) -> gtsam.ISAM2:
-    parameters = gtsam.ISAM2Params()
-    parameters.setRelinearizeThreshold(RELINEARIZE_THRESHOLD)
-    parameters.relinearizeSkip = 1
-    parameters.setFactorization(factorization)
-    return gtsam.ISAM2(parameters)
 
 
 def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_bench.geometry import Array, Pose
+from explore_bench.geometry import Array, Pose, cells_of
 from explore_bench.robot.belief import Belief, freeze, peak_traces
 from explore_bench.robot.landmark.factor_graph import FactorGraph
 from explore_bench.robot.landmark.graph import LandmarkGraph
@@ -72,6 +72,8 @@ class Smoother:
         self._fuse(first)
         self._lap("virtual map")
         self.occupancy.place(self.poses[first:], self._scans[0][first:], self._scans[1][first:])
+        if self.scenario.landmarks_occupy:
+            self.occupancy.occupy(cells_of(self.scenario.grid, self.landmarks))
         self._peak = peak_traces(self.pose_covariances[first:], *self._peak)
         self._lap("occupancy")
 

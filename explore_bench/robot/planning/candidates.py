@@ -22,6 +22,9 @@ class Ground:
     scenario, pose : physical constants, estimated pose.
     known, occupied : cells observed, and cells believed occupied, shape (rows, columns).
     landmarks : estimates [m], shape (M, 2).
+    inside : cells that a decision may lead to, shape (rows, columns); None for all.
+    least_unknown : unknown neighbours that make a known free cell a frontier.
+    straight : whether the robot drives straight to its target, whatever lies between.
     """
 
     scenario: Scenario
@@ -29,6 +32,9 @@ class Ground:
     known: NDArray[np.bool_]
     occupied: NDArray[np.bool_]
     landmarks: Array
+    inside: NDArray[np.bool_] | None = None
+    least_unknown: int = 1
+    straight: bool = False
 
     @property
     def own_cell(self) -> int:
@@ -92,8 +98,11 @@ def find_candidates(ground: Ground, withheld: Withheld) -> Candidates | None:
     Frontiers are known free cells with an unknown cell among their 8 neighbours, reachable through known free
     cells. Where there is none, unknown cells count as free; where there is still none, withheld ones return. A robot
     that its own misplaced obstacles wall in drives through them: every free cell can be reached, so its map is wrong.
+    A robot that drives straight to its target reaches all of them.
     """
     known_free = ground.known & ~ground.blocked
+    if ground.inside is not None:
+        known_free &= ground.inside
     not_blocked = ~ground.blocked
     anything = np.ones_like(not_blocked)
     # Each line gives up one thing of the line before, the cheapest first. Going where it has just been is worth less to
@@ -106,7 +115,8 @@ def find_candidates(ground: Ground, withheld: Withheld) -> Candidates | None:
         (not_blocked, True),
         (anything, True),
     ):
-        frontier = frontier_cells(ground.known, known_free, free, ground.own_cell)
+        driven = anything if ground.straight else free
+        frontier = frontier_cells(ground.known, known_free, driven, ground.own_cell, ground.least_unknown)
         if not with_withheld:
             frontier = np.array([c for c in frontier.tolist() if not withheld.holds(c, ground.known)], dtype=np.int64)
         if len(frontier):
@@ -130,7 +140,7 @@ def _select(ground: Ground, frontier: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _plan(ground: Ground, free: NDArray[np.bool_], cells: NDArray[np.int64]) -> Candidates:
-    roads = Roads(ground.scenario.grid, free, ground.own_cell)
+    roads = Roads(ground.scenario.grid, free, ground.own_cell, ground.pose[:2] if ground.straight else None)
     return Candidates(cells, tuple(roads.path_to(cell) for cell in cells.tolist()), roads.lengths_to(cells), roads)
 
 

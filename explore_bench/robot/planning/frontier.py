@@ -1,4 +1,4 @@
-"""Frontier cells: known free cells with an unknown cell among their 8 neighbours ([11])."""
+"""Frontier cells: known free cells with unknown cells among their 8 neighbours ([11])."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from explore_bench.compiled import jit
 
 @jit
 def frontier_cells(
-    known: NDArray[np.bool_], free_known: NDArray[np.bool_], free: NDArray[np.bool_], start: int
+    known: NDArray[np.bool_], free_known: NDArray[np.bool_], free: NDArray[np.bool_], start: int, least: int = 1
 ) -> NDArray[np.int64]:
     """Frontier cells reachable from `start` through `free`, without the start itself, ascending.
 
+    `least` unknown neighbours make a cell of `free_known` a frontier; the arrays have the shape (rows, columns).
     Without corner cutting the cells reachable by 8-connected paths are those reachable by 4-connected ones.
     """
     rows, columns = known.shape
@@ -38,16 +39,17 @@ def frontier_cells(
         row, column = cell // columns, cell % columns
         if cell == start or not reached[cell] or not free_known[row, column]:
             continue
-        if _has_unknown_neighbour(known, row, column):
+        if _unknown_neighbours(known, row, column) >= least:
             found[count] = cell
             count += 1
     return found[:count].copy()
 
 
 @jit
-def _has_unknown_neighbour(known: NDArray[np.bool_], row: int, column: int) -> bool:
+def _unknown_neighbours(known: NDArray[np.bool_], row: int, column: int) -> int:
+    count = 0
     for to_row in range(max(row - 1, 0), min(row + 2, known.shape[0])):
         for to_column in range(max(column - 1, 0), min(column + 2, known.shape[1])):
             if not known[to_row, to_column]:
-                return True
-    return False
+                count += 1
+    return count

@@ -28,7 +28,10 @@ class Reachable(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Roads:
-    """The cells that the robot drives through, and where it is. Drives are 8-connected and cut no corner.
+    """The cells that the robot drives through, and where it is.
+
+    Drives are 8-connected and cut no corner; where they go straight to their end, whatever lies between, `origin` is
+    set.
 
     Attributes
     ----------
@@ -36,26 +39,39 @@ class Roads:
     free : cells that may be driven through, shape (rows, columns), read-only: those from which the candidates' paths
         were made.
     start : the robot's own cell, which never blocks.
+    origin : place from which straight drives begin [m]; None where drives follow the cells.
     """
 
     grid: Grid
     free: NDArray[np.bool_]
     start: int
+    origin: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         self.free.setflags(write=False)
 
     @cached_property
     def _searched(self) -> tuple[Array, NDArray[np.int64]]:
-        return search_grid(self.free, self.start)
+        """Length [m] of the drive to every cell, and the cell before it, shape (rows · columns,) each."""
+        if self.origin is None:
+            cost, before = search_grid(self.free, self.start)
+            lengths = cost * self.grid.resolution
+        else:
+            lengths = np.hypot(*(self.grid.centres() - self.origin).T)
+            lengths[~self.free.reshape(-1)] = np.inf
+            lengths[self.start] = 0.0
+            before = np.where(np.isfinite(lengths), self.start, -1)
+            before[self.start] = -1
+        lengths.setflags(write=False)
+        before.setflags(write=False)
+        return lengths, before
 
     @cached_property
     def reachable(self) -> Reachable:
         """All cells that can be reached, the robot's own aside."""
-        cost = self._searched[0].copy()
-        cost[self.start] = np.inf
-        cells = np.flatnonzero(np.isfinite(cost))
-        lengths = cost[cells] * self.grid.resolution
+        cells = np.flatnonzero(np.isfinite(self._searched[0]))
+        cells = cells[cells != self.start]
+        lengths = self._searched[0][cells]
         cells.setflags(write=False)
         lengths.setflags(write=False)
         return Reachable(cells, lengths)
@@ -69,9 +85,9 @@ class Roads:
         """
         if not 0 <= cell < self.grid.cells:
             raise ValueError(f"cell {cell} is not on the grid; its cells are 0 to {self.grid.cells - 1}")
-        cost, parent = self._searched
-        return trace_path(parent, cell) if np.isfinite(cost[cell]) else np.empty(0, dtype=np.int64)
+        lengths, before = self._searched
+        return trace_path(before, cell) if np.isfinite(lengths[cell]) else np.empty(0, dtype=np.int64)
 
     def lengths_to(self, cells: NDArray[np.int64]) -> Array:
         """Length of the shortest drive to each of some cells [m], shape as given; infinite where there is none."""
-        return self._searched[0][cells] * self.grid.resolution
+        return self._searched[0][cells]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Array, Grid, cell_of, distance_to_segment
+from explore_bench.geometry import Array, Grid, cell_of, cells_of, distance_to_segment
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.landmark.driver import Driver
 from explore_bench.robot.landmark.smoother import Smoother
@@ -55,14 +56,21 @@ class LandmarkExplorer:
         self._robot = Robot(self.scenario, world, motion)
         self._sensor = Sensor(self.scenario, world, sensing)
         self._driver = Driver.of(self.scenario)
-        self._truth = world.obstacles.reshape(-1)
+        self._truth = world.obstacles.reshape(-1).copy()
+        if scenario.landmarks_occupy:
+            self._truth[cells_of(world.grid, world.landmarks)] = True
         self._counted = world.counted.reshape(-1)
         self._count = int(self._counted.sum())
         self._withheld, self._patience = Withheld(), Patience(self.scenario)
+        self._inside = None if self.scenario.inside.all() else self.scenario.inside
         self._choices: list[NDArray[np.int64]] = []
         self._roads: Roads | None = None
         self.smoother = Smoother(self.scenario, world.start, lap)
         self.smoother.update(None, self._sensor.scan(self._robot.pose))
+        for _ in range(self.scenario.start_moves):
+            odometry = self.scenario.noise.start_move
+            self._robot.shift(odometry)
+            self.smoother.update(odometry, self._sensor.scan(self._robot.pose))
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -105,7 +113,7 @@ class LandmarkExplorer:
         self._patience.decide(self.own_cell)
         # copies: a strategy that forges its observation changes nothing that is driven
         self._choices = [path.copy() for path in found.paths]
-        self._roads = Roads(found.roads.grid, found.roads.free.copy(), found.roads.start)
+        self._roads = replace(found.roads, free=found.roads.free.copy())
         positions = self.scenario.grid.centres(found.cells)
         for array in (found.cells, found.lengths, positions, *found.paths):
             array.setflags(write=False)
@@ -137,12 +145,27 @@ class LandmarkExplorer:
         waypoints = grid.centres(path[1:])
         if isinstance(answer, Target):
             waypoints[-1] = answer.position
-            if len(waypoints) == 1 and self._driver.command(self.smoother.pose, answer.position) is None:
+            near = len(waypoints) == 1 and self._driver.command(self.smoother.pose, answer.position) is None
+            if near and not self._driver.open_loop:
                 x, y = answer.position
                 raise ChoiceError(f"the target ({x:g}, {y:g}) lies where the robot is; choose one farther away")
         self.decisions += 1
-        if (yield from self._follow(path, waypoints)):
+        drive = self._dash(waypoints) if self._driver.open_loop else self._follow(path, waypoints)
+        if (yield from drive) and self.scenario.withhold:
             self._withheld.add(int(path[-1]), self.known)
+
+    def _dash(self, waypoints: Array) -> Generator[LandmarkStep, None, bool]:
+        """Carry out the commands to the waypoints as planned, until their end or that of the trial.
+
+        Returns whether they were carried out to their end.
+        """
+        for turn, forward in self._driver.follow(self.smoother.pose, waypoints).tolist():
+            self._advance((turn, forward))
+            yield self.row()
+            self._patience.visit(self.own_cell)
+            if self.status() is not None:
+                return False
+        return True
 
     def _follow(self, path: NDArray[np.int64], waypoints: Array) -> Generator[LandmarkStep, None, bool]:
         """Follow a path until its end, the end of the trial, a blocked path or a jump off it; ≥ 1 straight step.
@@ -200,6 +223,9 @@ class LandmarkExplorer:
             known=self.known,
             occupied=self.smoother.occupancy.occupied.reshape(self.scenario.grid.shape),
             landmarks=self.smoother.landmarks,
+            inside=self._inside,
+            least_unknown=self.scenario.frontier_neighbours,
+            straight=self._driver.open_loop,
         )
 
     def _advance(self, command: Command) -> None:

@@ -32,19 +32,22 @@ class Robot:
         self._noise = scenario.noise
 
     def move(self, command: Command) -> Odometry:
-        """Carry out a command: truth = command ⊕ noise; return what the odometry reads, which is the command ([8]).
-
-        Three standard normals are drawn whatever the command.
-        """
-        turn, forward = command
-        along, across, twist = self._rng.standard_normal(3)
+        """Carry out a command; return what the odometry reads, which is the command ([8])."""
         odometry = self._noise.odometry(command)
+        self.shift(odometry)
+        return odometry
+
+    def shift(self, odometry: Odometry) -> None:
+        """Move as the odometry reads, but for its noise: truth = motion ⊕ noise ([8]).
+
+        Three standard normals are drawn whatever the motion.
+        """
+        along, across, twist = self._rng.standard_normal(3)
         sigma_along, sigma_across, sigma_heading = odometry.sigmas
         start = self.pose
-        target = compose(start, (forward, 0.0, turn))
+        target = compose(start, odometry.motion)
         self.pose = compose(target, (sigma_along * along, sigma_across * across, sigma_heading * twist))
         self.collisions += _entries(start, self.pose, self._obstacles, self._grid)
-        return odometry
 
 
 @jit

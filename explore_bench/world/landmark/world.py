@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from explore_bench.errors import RequestError
-from explore_bench.geometry import Array, Grid, Pose, centre_of
+from explore_bench.geometry import Array, Grid, Pose, centre_of, compose
 from explore_bench.world.floor_plan import FloorPlan, floor_plan
 from explore_bench.world.landmark.constants import LandmarkScenario
 
@@ -112,15 +112,24 @@ Parts = tuple[Grid, NDArray[np.bool_], Array, Pose, NDArray[np.int64]]
 def _drawn(scenario: LandmarkScenario, rng: np.random.Generator) -> Parts:
     """World at random: obstacle cells, landmarks uniform inside distinct free cells, the start in another.
 
-    Every free cell can be reached with obstacle and landmark cells blocked; a draw that cannot is drawn anew.
-    Without corner cutting an 8-connected path exists exactly where a 4-connected one does.
+    Every free cell can be reached with obstacle and landmark cells blocked; a draw that cannot is drawn anew, and so is
+    one whose landmarks would be out of sight during the moves at the start. Without corner cutting an 8-connected path
+    exists exactly where a 4-connected one does.
     """
     grid = scenario.grid
+    cells = np.flatnonzero(scenario.inside)
     for _ in range(MAX_DRAWS):
-        order = rng.permutation(scenario.cell_count)
+        order = cells[rng.permutation(len(cells))]
         inside = rng.uniform(-0.5, 0.5, (scenario.landmarks, 2))
         heading = float(rng.uniform(-np.pi, np.pi))
         landmark_cells = order[: scenario.landmarks]
+        start = (*centre_of(grid, int(order[scenario.landmarks])), heading)
+        landmarks = grid.centres(landmark_cells) + inside * grid.resolution
+        if scenario.landmark_clearance is not None:
+            landmarks = _apart(scenario, start, rng)
+            landmark_cells = order[:0]  # several may share a cell, and they may stand in obstacles
+        if scenario.start_moves and len(landmarks) and not _in_sight(scenario, start, landmarks):
+            continue
         obstacle_cells = order[scenario.landmarks + 1 : scenario.landmarks + 1 + scenario.obstacles]
         blocked = np.zeros(scenario.cell_count, dtype=bool)
         blocked[landmark_cells] = True
@@ -129,13 +138,32 @@ def _drawn(scenario: LandmarkScenario, rng: np.random.Generator) -> Parts:
             continue
         obstacles = np.zeros(scenario.cell_count, dtype=bool)
         obstacles[obstacle_cells] = True
-        x, y = centre_of(grid, int(order[scenario.landmarks]))
-        landmarks = grid.centres(landmark_cells) + inside * grid.resolution
-        return grid, obstacles.reshape(grid.shape), landmarks, (x, y, heading), np.empty(0, dtype=np.int64)
+        return grid, obstacles.reshape(grid.shape), landmarks, start, np.flatnonzero(~scenario.inside)
+    seen = " and a landmark in sight of the start" if scenario.start_moves else ""
     raise RequestError(
-        f"no connected world with {scenario.obstacles} obstacles on {grid.columns} × {grid.rows} cells was found in "
-        f"{MAX_DRAWS} draws; lower obstacle_density or obstacle_count."
+        f"no connected world with {scenario.obstacles} obstacles{seen} on {grid.columns} × {grid.rows} cells was found "
+        f"in {MAX_DRAWS} draws; lower obstacle_density or obstacle_count{', or add landmarks' if seen else ''}."
     )
+
+
+def _apart(scenario: LandmarkScenario, start: Pose, rng: np.random.Generator) -> Array:
+    """Landmarks uniform on the map, at least `landmark_clearance` from the start, shape (M, 2)."""
+    landmarks = np.empty((0, 2))
+    while len(landmarks) < scenario.landmarks:
+        drawn = rng.uniform(0.0, scenario.size, (scenario.landmarks, 2))
+        far = np.hypot(*(drawn - start[:2]).T) >= (scenario.landmark_clearance or 0.0)
+        landmarks = np.concatenate((landmarks, drawn[far]))
+    return landmarks[: scenario.landmarks]
+
+
+def _in_sight(scenario: LandmarkScenario, start: Pose, landmarks: Array) -> bool:
+    """Whether a landmark is in range from the start or after one of the moves there, had they no noise."""
+    pose = start
+    for _ in range(scenario.start_moves + 1):
+        if np.any(np.hypot(*(landmarks - pose[:2]).T) < scenario.sensor_range):
+            return True
+        pose = compose(pose, scenario.noise.start_move.motion)
+    return False
 
 
 def _furnished(scenario: LandmarkScenario, plan: FloorPlan, rng: np.random.Generator) -> Parts:

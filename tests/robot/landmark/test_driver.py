@@ -17,6 +17,7 @@ drivers = st.builds(
     step_length=st.floats(0.05, 3.0),
     turn_threshold=st.floats(0.01, math.pi / 2),
     arrival_radius=st.floats(0.01, 2.0),
+    open_loop=st.just(False),
 )
 
 
@@ -118,3 +119,33 @@ def test_driving_to_a_place_takes_the_commands_that_follow_it_and_ends_where_the
 
 def test_driving_to_where_the_robot_is_takes_no_step():
     assert drive_to(DRIVER, (3.0, 4.0, 0.5), (3.1, 4.1)) == (0, (3.0, 4.0, 0.5))
+
+
+# Open loop
+
+
+STRAIGHT = DRIVER._replace(step_length=2.0, open_loop=True)
+
+
+def test_an_open_loop_turns_once_and_goes_straight_on():
+    """From (1, 1) facing 0 to (1, 6): a quarter turn, two full steps and the rest; whatever the arrival radius."""
+    expected = [(math.pi / 2, 0.0), (0.0, 2.0), (0.0, 2.0), (0.0, 1.0)]
+    assert STRAIGHT.follow((1.0, 1.0, 0.0), np.array([[1.0, 6.0]])) == pytest.approx(np.array(expected))
+    near = STRAIGHT.follow((1.0, 1.0, 0.0), np.array([[1.1, 1.0]]))
+    assert near == pytest.approx(np.array([(0.0, 0.0), (0.0, 0.1)]))
+
+
+def test_an_open_loop_takes_a_step_for_a_turn_of_nothing():
+    assert STRAIGHT.follow((1.0, 1.0, 0.0), np.array([[4.0, 1.0]])).tolist() == [[0.0, 0.0], [0.0, 2.0], [0.0, 1.0]]
+
+
+@given(metres, metres, st.floats(-4.0, 4.0), st.lists(st.tuples(metres, metres), min_size=1, max_size=4))
+def test_an_open_loop_ends_at_its_last_waypoint(x, y, heading, waypoints):
+    commands = STRAIGHT.follow((x, y, heading), np.array(waypoints))
+    assert integrated((x, y, heading), commands.tolist())[-1] == pytest.approx(waypoints[-1], abs=1e-6)
+    assert np.all(commands[:, 1] <= 2.0)
+
+
+@pytest.mark.parametrize(("planner", "open_loop"), [("grid", False), ("straight", True)])
+def test_the_scenario_s_planner_says_which_loop(planner, open_loop):
+    assert Driver.of(Scenario(planner=planner, obstacle_count=0)).open_loop is open_loop

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from explore_bench.geometry import Grid
-from explore_bench.robot.planning.shortest_paths import search_grid
 from explore_bench.robot.planning.roads import Roads
+from explore_bench.robot.planning.shortest_paths import search_grid
 
 
 def roads_of(drawing, start, resolution=2.0):

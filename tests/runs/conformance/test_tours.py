@@ -6,8 +6,8 @@ import gc
 import numpy as np
 import pytest
 
-from explore_bench.robot.planning.shortest_paths import search_grid
 from explore_bench.robot.planning.candidates import Ground
+from explore_bench.robot.planning.shortest_paths import search_grid
 from explore_bench.runs.conformance.tours import (
     CORNERS,
     LARGE,
