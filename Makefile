@@ -61,8 +61,8 @@ lint: $(READY)           ## Style, types, and pages that match the results
 
 calibrate: $(READY)      ## The studies behind the constants that the paper leaves out
 	$(BIN)/python docs/studies/calibration.py
-	$(BIN)/python docs/studies/uncertainty_weight.py
-	$(BIN)/python docs/studies/clairvoyant_beam.py
+	$(BIN)/python docs/studies/path_weights.py
+	$(BIN)/python docs/studies/tours.py
 
 train: $(READY)          ## Train every shipped weight anew, into results/training; goes on where it stopped
 	@for card in baselines/weights/*.json; do echo $$(basename $$card .json); done | \

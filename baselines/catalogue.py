@@ -45,6 +45,9 @@ _STNN, _GCN, _TRAINER = (
     "baselines.training.train:train",
 )
 
+ENTROPY_WEIGHT = 0.1
+"""w [bit per m] of `entropy-path`, tuned on calibration worlds: docs/path-weights.md."""
+
 STRATEGIES: dict[str, Entry] = {}
 
 
@@ -57,7 +60,14 @@ def _learned(name: str, factory: str, label: str, tables: tuple[str, ...], **opt
 
 
 _learned("graph-stnn", _STNN, "Graph-STNN", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16))
-_learned("graph-stnn-plus", "baselines.learned.graph_stnn_plus:strategy", "Graph-STNN+", _TABLE2, suites=_PLANS)
+_learned(
+    "belief-attention",
+    "baselines.learned.belief_attention:strategy",
+    "Belief attention (ours)",
+    _TABLE2,
+    suites=_PLANS,
+    formerly=("graph-stnn-plus",),
+)
 _learned("graph-stnn-path", _STNN, "Graph-STNN, path length", _TABLE2, parameters={"distance": "path"})
 _learned("graph-stnn-1-layer", _STNN, "Graph-STNN, 1 GCN layer", _LAYERS, parameters={"layers": 1})
 _learned("graph-stnn-3-layers", _STNN, "Graph-STNN, 3 GCN layers", _LAYERS, parameters={"layers": 3})
@@ -81,6 +91,14 @@ for _name, _off in (
 ):
     _learned(_name, _STNN, f"no {' and '.join(_off)}", _TABLE3, parameters=dict.fromkeys(_off, False))
 _add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=_PLANS)
+_add(
+    "entropy-path",
+    "baselines.entropy:Entropy",
+    "Entropy, path weight (ours)",
+    _TABLE2,
+    parameters={"weight": ENTROPY_WEIGHT},
+)
+_add("entropy-per-metre", "baselines.entropy_per_metre:EntropyPerMetre", "Entropy per metre (ours)", _TABLE2)
 _add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", _TABLE2)
 _add("random", "baselines.random_walk:Random", "Random", _TABLE2, suites=_PLANS)
 _add(
@@ -93,9 +111,10 @@ _add(
 )
 _add(
     "clairvoyant",
-    "baselines.clairvoyant:Clairvoyant",
+    "baselines.reference.clairvoyant:Clairvoyant",
     "Clairvoyant",
     _TABLE2,
     reference=True,
+    plans=("t90", "regret", "regret_most"),
     kinds=("landmark",),
 )

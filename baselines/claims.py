@@ -55,7 +55,7 @@ CLAIMS = (
             architecture=False,
             scenario=where,
         )
-        for which, strategy, whom in (("v", "graph-stnn", "Graph-STNN"), ("vi", "graph-stnn-plus", "Graph-STNN+"))
+        for which, strategy, whom in (("v", "graph-stnn", "Graph-STNN"), ("vi", "belief-attention", "Belief attention"))
         for where, what in _LIDAR_WORLDS.items()
     ),
 )

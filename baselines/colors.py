@@ -4,7 +4,7 @@ from __future__ import annotations
 
 COLORS = {
     "graph-stnn": "#d62728",
-    "graph-stnn-plus": "#ff7f0e",
+    "belief-attention": "#ff7f0e",
     "graph-stnn-path": "#f7b6d2",
     "graph-stnn-1-layer": "#ff9896",
     "graph-stnn-3-layers": "#98df8a",
@@ -18,6 +18,8 @@ COLORS = {
     "no-spatial-state": "#17becf",
     "no-spatial-temporal": "#aec7e8",
     "entropy": "#e69f00",
+    "entropy-path": "#b35900",
+    "entropy-per-metre": "#ffd92f",
     "uncertainty": "#009e73",
     "random": "#7f7f7f",
     "nearest": "#b07aa1",

@@ -13,7 +13,7 @@ from explore_bench import Array, Observation, RequestError, Scenario, renyi_entr
 
 
 class Entropy:
-    """Chooses the candidate from which the map is expected to gain most.
+    """Chooses the candidate from which the map is expected to gain most, less w times the length of the path there.
 
     The gain of a candidate is the sum, over the cells in view from it, of Shannon's entropy of the cell as it is
     (Eq. 5) minus the Rényi entropy (Eq. 6) of the cell after one predicted observation. The order of the latter,
@@ -27,12 +27,15 @@ class Entropy:
     Parameters
     ----------
     alpha : a fixed order α > 0 instead.
+    weight : w ≥ 0 [bit per m], what a metre of the path takes from the gain; [15] has none.
     """
 
-    def __init__(self, alpha: float | None = None) -> None:
+    def __init__(self, alpha: float | None = None, weight: float = 0.0) -> None:
         if alpha is not None and not alpha > 0:
             raise RequestError(f"alpha of the entropy strategy is {alpha}; give a number above 0.")
-        self.alpha = alpha
+        if not weight >= 0:
+            raise RequestError(f"weight of the entropy strategy is {weight}; give bits per metre, 0 or more.")
+        self.alpha, self.weight = alpha, weight
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin a trial; there is nothing to draw."""
@@ -47,7 +50,8 @@ class Entropy:
             delta = float(np.trace(belief.predict(path).pose_covariances[-1]))
             order = 1.0 + 1.0 / delta if self.alpha is None else self.alpha
             gains[i] = information_gain(belief.occupancy.reshape(-1)[views[i]], order, scenario)
-        return int(np.lexsort((observation.path_lengths, -np.round(gains, 9)))[0])
+        worth = gains - self.weight * observation.path_lengths
+        return int(np.lexsort((observation.path_lengths, -np.round(worth, 9)))[0])
 
 
 def information_gain(occupancy: Array, order: float, scenario: Scenario) -> float:

@@ -23,7 +23,7 @@ import pandas as pd
 
 import explore_bench
 from explore_bench.analysis.csv_files import read_csv
-from explore_bench.analysis.metrics import METRICS, metrics_of
+from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of
 from explore_bench.analysis.paired import paired
 from explore_bench.analysis.tables import seed_means
 from explore_bench.report.tables import signed_text
@@ -36,6 +36,7 @@ from explore_bench.world.scenarios import PAPER
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
 WEIGHTS = ROOT / "baselines" / "weights"
+TOURS = ROOT / "baselines" / "reference" / "tours.csv"
 PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
 STAGE_COLUMNS = (
     *("Method", "scenario", "n", "not explored", "T90 [s]", "T98 [s]", "L90 [m]", "L [m]", "D", "in vain"),
@@ -44,7 +45,7 @@ STAGE_COLUMNS = (
 """Columns of the results in lidar worlds that docs/stage.md shows."""
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
-OURS = "graph-stnn-plus"
+OURS = "belief-attention"
 SYMBOLS = {"e": "trajectory_error", "η": "exploration_efficiency"}
 PAIRS = (
     ("graph-stnn", "uncertainty"),
@@ -113,19 +114,37 @@ def calibration_fit() -> str:
     return _markdown(table)
 
 
-def weight_sweep() -> str:
-    """Objective, e and η of every weight."""
-    sweep = pd.read_csv(STUDIES / "uncertainty-weight.csv").round(3)
+def weight_sweep(strategy: str, heading: str) -> str:
+    """Objective, e and η of every value of a rule's constant."""
+    sweep = pd.read_csv(STUDIES / "path-weights.csv").round(3)
+    sweep = sweep[sweep["strategy"] == strategy].drop(columns="strategy")
     interval = [f"[{low:.3f}, {high:.3f}]" for low, high in zip(sweep["low"], sweep["high"], strict=True)]
     sweep.insert(2, "95 % interval", interval)
-    return _markdown(sweep.drop(columns=["low", "high"]).rename(columns={"weight": "w [m²/m]"}))
+    return _markdown(sweep.drop(columns=["low", "high"]).rename(columns={"value": heading}))
 
 
-def beam_sweep() -> str:
-    """Steps of every beam."""
-    sweep = pd.read_csv(STUDIES / "clairvoyant-beam.csv").round(1)
-    interval = [f"[{low:.1f}, {high:.1f}]" for low, high in zip(sweep["low"], sweep["high"], strict=True)]
-    return _markdown(sweep.drop(columns=["low", "high"]).assign(**{"95 % interval": interval}))
+def tours() -> str:
+    """Stored tours of the benchmark's worlds beside the lower bound and the fastest stored trials."""
+    stored = pd.read_csv(TOURS)
+    trials = read_csv(ROOT / "results" / "trials.csv", ("strategy", "size", "trial", "steps", "status"))
+    references = {name for name, entry in strategies().items() if entry.reference}
+    own = trials[(trials["status"] == "explored") & ~trials["strategy"].isin(references)]
+    fastest = own.groupby(["size", "trial"])["steps"].min().rename("fastest")
+    rows = []
+    for size, here in stored.join(fastest, on=["size", "trial"]).groupby("size"):
+        rows.append(
+            {
+                "size [m]": f"{size:g}",
+                "worlds": len(here),
+                "tour": f"{here['steps'].mean():.1f}",
+                "bound": f"{here['bound'].mean():.1f}",
+                "bound / tour, median": f"{(here['bound'] / here['steps']).median():.2f}",
+                "fastest of all trials": f"{here['fastest'].mean():.1f}",
+                "worlds in which a trial is faster than the tour": f"{(here['fastest'] < here['steps']).mean():.0%}",
+                "below the bound": f"{(here['fastest'] < here['bound']).mean():.0%}",
+            }
+        )
+    return _markdown(pd.DataFrame(rows))
 
 
 def entropy_fringe() -> str:
@@ -395,19 +414,15 @@ def _trials() -> pd.DataFrame:
 
 
 def regrets() -> str:
-    """Mean regret to the clairvoyant of every strategy and size."""
+    """Mean regret of every strategy and size as a bracket: to the fastest tour known, and to the lower bound."""
     summary = read_csv(ROOT / "results" / "summary.csv", ("strategy", "size", "metric", "mean"))
-    own = summary[summary["metric"] == "regret"].drop_duplicates(["strategy", "size"])
-    table = pd.DataFrame(
-        {
-            f"{size:g} m": {
-                f"`{line.strategy}`": f"{line.mean:.2f} [{line.ci_low:.2f}, {line.ci_high:.2f}]"
-                for line in here.itertuples()
-                if not strategies()[str(line.strategy)].reference
-            }
-            for size, here in own.groupby("size")
-        }
-    ).fillna("–")
+    own = summary[summary["metric"].isin(REGRETS)].drop_duplicates(["strategy", "size", "metric"])
+    cells: dict[str, dict[str, str]] = {}
+    for (size, strategy), lines in own.groupby(["size", "strategy"], sort=False):
+        if not strategies()[str(strategy)].reference:
+            means = lines.set_index("metric")["mean"].reindex(list(REGRETS)).dropna()
+            cells.setdefault(f"{size:g} m", {})[f"`{strategy}`"] = " to ".join(f"{mean:.2f}" for mean in means)
+    table = pd.DataFrame(cells).fillna("–")
     table.insert(0, "regret", table.index)
     return _markdown(table)
 
@@ -418,8 +433,10 @@ PARTS: dict[str, Callable[[], str]] = {
     "calibration-result": calibration_result,
     "calibration-coarse": calibration_coarse,
     "calibration-fit": calibration_fit,
-    "weight-sweep": weight_sweep,
-    "beam-sweep": beam_sweep,
+    "weights-uncertainty": partial(weight_sweep, "uncertainty", "w [m²/m]"),
+    "weights-entropy": partial(weight_sweep, "entropy", "w [bit/m]"),
+    "weights-entropy-per-metre": partial(weight_sweep, "entropy-per-metre", "c [m]"),
+    "tours": tours,
     "entropy-fringe": entropy_fringe,
     "chen2020": chen2020,
     "stage-choices": stage_choices,

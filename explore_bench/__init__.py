@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         cells_of as cells_of,
         cells_within as cells_within,
         centre_of as centre_of,
+        compose as compose,
         room_within as room_within,
         wrap_angle as wrap_angle,
     )
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
         scenario_digest as scenario_digest,
     )
     from explore_bench.robot.belief import Belief as Belief, FineMap as FineMap, Prediction as Prediction
-    from explore_bench.robot.landmark.driver import Driver as Driver, drive_to as drive_to
+    from explore_bench.robot.landmark.driver import Driver as Driver, next_command as next_command
     from explore_bench.robot.occupancy import (
         OCCUPIED_ABOVE as OCCUPIED_ABOVE,
         renyi_entropy as renyi_entropy,
@@ -107,12 +108,13 @@ PUBLIC: dict[str, str] = {
     "cells_within": "geometry",
     "room_within": "geometry",
     "centre_of": "geometry",
+    "compose": "geometry",
     "wrap_angle": "geometry",
     "frontier_cells": "robot.planning.frontier",
     "search_grid": "robot.planning.shortest_paths",
     "trace_path": "robot.planning.shortest_paths",
     "Driver": "robot.landmark.driver",
-    "drive_to": "robot.landmark.driver",
+    "next_command": "robot.landmark.driver",
     "OCCUPIED_ABOVE": "robot.occupancy",
     "shannon_entropy": "robot.occupancy",
     "renyi_entropy": "robot.occupancy",

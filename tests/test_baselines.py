@@ -13,11 +13,12 @@ from handmade import TINY
 from hypothesis import given, strategies as st
 
 import baselines.entropy
-from baselines.clairvoyant import Clairvoyant, views
 from baselines.entropy import Entropy, information_gain
+from baselines.entropy_per_metre import EntropyPerMetre
 from baselines.nearest import Nearest
 from baselines.random_walk import Random
 from baselines.uncertainty import WEIGHT, Uncertainty
+from explore_bench.errors import RequestError
 from explore_bench.robot.belief import Belief
 from explore_bench.strategies.contract import Observation
 from explore_bench.strategies.loading import load_factory, make_strategy
@@ -25,7 +26,6 @@ from explore_bench.strategies.registry import strategies
 from explore_bench.trial.loop import rollout
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.trial.steps import Step
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
@@ -303,10 +303,67 @@ def test_in_between_uncertainty_weighs_u_against_the_length(observation, weight)
     assert cost[Uncertainty(weight).choose(observation)] == pytest.approx(cost.min(), abs=1e-8)
 
 
-def test_the_weight_of_the_benchmark_is_the_tuned_one():
-    sweep = pd.read_csv(Path(__file__).parents[1] / "docs" / "studies" / "uncertainty-weight.csv")
-    assert Uncertainty().weight == sweep.loc[sweep["objective"].idxmin(), "weight"]
-    assert strategies()["uncertainty"].parameters == {}
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("uncertainty", Uncertainty().weight),
+        ("entropy", strategies()["entropy-path"].parameters["weight"]),
+        ("entropy-per-metre", EntropyPerMetre().offset),
+    ],
+)
+def test_the_constants_of_the_benchmark_are_the_tuned_ones(name, value):
+    sweep = pd.read_csv(Path(__file__).parents[1] / "docs" / "studies" / "path-weights.csv")
+    sweep = sweep[sweep["strategy"] == name]
+    assert len(sweep) >= 8
+    assert value == sweep.loc[sweep["objective"].idxmin(), "value"]
+
+
+def test_the_baselines_themselves_have_no_other_parameters():
+    assert all(strategies()[name].parameters == {} for name in ("uncertainty", "entropy", "entropy-per-metre"))
+
+
+# Entropy and the length of the path
+
+
+def test_a_weight_takes_from_the_gain(observation, monkeypatch):
+    """With a huge one the shortest path is taken; in between, whichever is worth more."""
+    lengths = observation.path_lengths
+    assert lengths[Entropy(weight=1e6).choose(observation)] == pytest.approx(lengths.min())
+    assert Entropy(weight=0.0).choose(observation) == Entropy().choose(observation)
+    gains = np.zeros(len(observation.paths))
+    farthest = int(lengths.argmax())
+    gains[farthest] = 3.0
+    excess = float(lengths[farthest] - lengths.min())
+    for weight, expected in ((2.9 / excess, lengths[farthest]), (3.1 / excess, lengths.min())):
+        told = iter(gains.tolist())
+        monkeypatch.setattr(baselines.entropy, "information_gain", lambda *_, told=told: next(told))
+        assert lengths[Entropy(weight=weight).choose(observation)] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("offset", [0.5, 5.0, 50.0])
+def test_entropy_per_metre_takes_the_largest_quotient(observation, offset):
+    """Worked anew: Shannon's entropy of every cell whose centre is in range of the candidate."""
+    scenario, occupancy = observation.scenario, observation.belief.occupancy.reshape(-1)
+    each = -(occupancy * np.log2(occupancy) + (1 - occupancy) * np.log2(1 - occupancy))
+    centres = scenario.grid.centres()
+    worth = [
+        each[np.hypot(*(centres - place).T) <= scenario.sensor_range].sum() / (length + offset)
+        for place, length in zip(observation.positions, observation.path_lengths, strict=True)
+    ]
+    assert worth[EntropyPerMetre(offset).choose(observation)] == pytest.approx(max(worth), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("make_one", "complaint"),
+    [
+        (lambda: Entropy(weight=-0.1), "weight of the entropy strategy is -0.1"),
+        (lambda: Entropy(weight=math.nan), "weight of the entropy strategy is nan"),
+        (lambda: EntropyPerMetre(0.0), "offset of the strategy entropy-per-metre is 0.0"),
+    ],
+)
+def test_constants_that_make_no_sense_are_refused(make_one, complaint):
+    with pytest.raises(RequestError, match=complaint):
+        make_one()
 
 
 def test_candidates_differ_in_what_they_promise(observation):
@@ -315,20 +372,13 @@ def test_candidates_differ_in_what_they_promise(observation):
     assert np.ptp(observation.path_lengths) > 0.1
 
 
-# Clairvoyant
-
-
-def test_the_clairvoyant_is_a_reference_and_has_no_ordinary_door():
-    entry = strategies()["clairvoyant"]
-    assert entry.reference
-    assert entry.published == {}
-    assert not hasattr(Clairvoyant(), "reset")
-    assert hasattr(Clairvoyant(), "reset_with_world")
+# References
 
 
 def test_no_ordinary_strategy_has_the_door_of_the_reference():
     for name in READY:
-        assert hasattr(make(name), "reset_with_world") == (name == "clairvoyant")
+        assert hasattr(make(name), "reset_with_world") == READY[name].reference
+        assert hasattr(make(name), "reset") != READY[name].reference
 
 
 class Spy:
@@ -354,134 +404,6 @@ def test_an_ordinary_strategy_is_never_told_the_truth():
 def test_only_a_reference_is_told_the_truth():
     result = run_trial(TrialSpec("spy", f"{__name__}:Spy", TINY, 0, reference=True))
     assert "it was told the truth" in result.reason
-
-
-def test_what_can_be_seen_from_a_cell_is_what_lies_in_range_of_its_centre():
-    scenario = Scenario(size=12.0, sensor_range=5.0)
-    seen = views(scenario)
-    for cell in range(36):
-        wanted = np.flatnonzero(in_view(np.array([(cell % 6 + 0.5) * 2.0, (cell // 6 + 0.5) * 2.0]), scenario))
-        assert sorted(seen[cell][seen[cell] >= 0]) == wanted.tolist()
-
-
-@pytest.fixture(scope="module")
-def times():
-    """Return the steps of three strategies on eight calibration worlds of 20 m."""
-    names = ("clairvoyant", "nearest", "random")
-    runs = {n: [run_trial(spec_of(n, PAPER, trial, purpose="calibrate")) for trial in range(8)] for n in names}
-    assert all(run.status is Status.EXPLORED for own in runs.values() for run in own)
-    return {name: np.array([run.steps[-1].step for run in own]) for name, own in runs.items()}
-
-
-def test_the_clairvoyant_is_faster_than_the_nearest_and_random_on_average(times):
-    assert times["clairvoyant"].mean() < 0.9 * times["nearest"].mean()
-    assert times["clairvoyant"].mean() < 0.6 * times["random"].mean()
-
-
-def test_the_clairvoyant_loses_hardly_any_world(times):
-    assert (times["clairvoyant"] <= times["nearest"]).sum() >= 6
-    assert (times["clairvoyant"] <= times["random"]).all()
-
-
-CORRIDOR = Scenario(
-    size=40.0,
-    cell_size=2.0,
-    sensor_range=5.0,
-    landmark_count=0,
-    obstacle_count=380,
-    step_length=0.5,
-    turn_threshold_deg=15.0,
-    arrival_radius=0.25,
-    odometry_sigma=1e-3,
-    heading_sigma_deg=1e-3,
-    turn_sigma=1e-3,
-    path_tolerance=1.0,
-    candidates_per_robot=5,
-    coverage=0.24,
-)
-"""One row of 20 free cells. From a cell in it the sensor sees 5 cells of its own row and the next two, 3 of the row
-after; with both ends seen from columns 2 and 17, 96 of 400 cells are known."""
-
-
-def corridor(column, heading):
-    obstacles = np.ones((20, 20), dtype=bool)
-    obstacles[10] = False
-    return LandmarkWorld(CORRIDOR.grid, obstacles, np.empty((0, 2)), (2.0 * column + 1.0, 21.0, heading))
-
-
-def play(strategy, scenario, world):
-    """Return the steps that a strategy takes and the columns of the targets that it chooses."""
-    if isinstance(strategy, Clairvoyant):
-        strategy.reset_with_world(np.random.default_rng(0), world)
-    events, choice, steps, chosen = begin(scenario, world=world), None, 0, []
-    while True:
-        try:
-            event = events.send(choice)
-        except StopIteration as stop:
-            assert stop.value.status is Status.EXPLORED
-            return steps, chosen
-        choice = None
-        if isinstance(event, Step):
-            steps = event.step
-        else:
-            choice = strategy.choose(event)
-            chosen.append(int(event.candidates[choice]) % 20)
-
-
-@pytest.mark.parametrize(
-    ("column", "heading", "first"), [(6, math.pi, 4), (13, 0.0, 15), (6, 0.0, 4), (13, math.pi, 15)]
-)
-def test_in_a_corridor_the_clairvoyant_goes_to_the_near_end_first_and_turns_once(column, heading, first):
-    """Near end, then far end: 4 + 15 cells of 4 steps and one turn at most two; the other way 11 + 15 cells."""
-    steps, chosen = play(Clairvoyant(), CORRIDOR, corridor(column, heading))
-    assert chosen[0] == first
-    towards = [column, *chosen]
-    turns = sum((a - b) * (c - b) > 0 for a, b, c in zip(towards, towards[1:], towards[2:], strict=False))
-    assert turns == 1
-    assert 4 * 19 - 4 <= steps <= 4 * 19 + 2
-
-
-def best_possible(scenario, world, limit):
-    """Return the fewest steps of any sequence of choices, by trying them all."""
-    best, open_plans = limit, [()]
-    while open_plans:
-        plan = open_plans.pop()
-        events, choice, steps, made = begin(scenario, world=world), None, 0, 0
-        while True:
-            try:
-                event = events.send(choice)
-            except StopIteration as stop:
-                if stop.value.status is Status.EXPLORED:
-                    best = min(best, steps)
-                break
-            choice = None
-            if isinstance(event, Step):
-                steps = event.step
-                if steps >= best:
-                    break
-            elif made < len(plan):
-                choice, made = plan[made], made + 1
-            else:
-                open_plans += [(*plan, index) for index in range(len(event.candidates))]
-                break
-    return best
-
-
-@pytest.mark.parametrize("trial", range(3))
-def test_on_a_small_map_hardly_any_sequence_of_choices_is_faster(trial):
-    """All of them tried, without noise. The plan counts whole cells, so a few steps may be lost."""
-    scenario = TINY.replace(odometry_sigma=1e-3, heading_sigma_deg=1e-3, coverage=0.9)
-    spec = TrialSpec("none", "none:none", scenario, trial, purpose="calibrate")
-    world = draw_world(scenario, spec.generator("world"))
-    steps, _ = play(Clairvoyant(), scenario, world)
-    best = best_possible(scenario, world, steps + 1)
-    assert steps <= best + 2
-
-
-def test_in_a_mirrored_world_the_clairvoyant_takes_as_many_steps():
-    world = corridor(6, math.pi)
-    mirrored = LandmarkWorld(world.grid, world.obstacles[:, ::-1].copy(), world.landmarks, (27.0, 21.0, 0.0))
-    assert play(Clairvoyant(), CORRIDOR, world)[0] == play(Clairvoyant(), CORRIDOR, mirrored)[0]
 
 
 @pytest.mark.slow

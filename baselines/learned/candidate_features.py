@@ -1,4 +1,4 @@
-"""What `graph-stnn-plus` sees of an observation: each candidate and the state, in numbers that matter for e and η.
+"""What `belief-attention` sees of an observation: each candidate and the state, in numbers that matter for e and η.
 
 Beside what the exploration graph tells of a frontier this says how long the way there is, what it would reveal, how
 large the unknown region behind it is, and what the belief would become: `belief.predict` along the path.

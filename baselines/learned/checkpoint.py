@@ -19,6 +19,9 @@ from explore_bench import RequestError, writing
 
 FORMAT = 1
 
+FORMERLY = {"GraphSTNNPlus": "BeliefAttention"}
+"""Classes of networks by the names that they have on older cards."""
+
 
 def describe(network: nn.Module) -> dict[str, Any]:
     """What must agree between a network and a card: its class, its switches and its feature columns."""
@@ -55,7 +58,7 @@ def load_weights(network: nn.Module, path: str | Path) -> dict[str, Any]:
     tensors = load_tensors(path)
     card = read_card(path)
     for key, wanted in describe(network).items():
-        if card.get(key) != wanted:
+        if FORMERLY.get(str(card.get(key)), card.get(key)) != wanted:
             raise RequestError(
                 f"weights '{path.name}' were made for {key} {card.get(key)!r}, not {wanted!r}; "
                 "train them anew with 'explore-bench train'."

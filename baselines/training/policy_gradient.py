@@ -1,4 +1,4 @@
-"""Policy gradient (PPO, Schulman et al. 2017) on the two metrics themselves: how `graph-stnn-plus` learns.
+"""Policy gradient (PPO, Schulman et al. 2017) on the two metrics themselves: how `belief-attention` learns.
 
 The reward of a decision is the change of −(log e − log η), with log T taken by its slope at T = n_g: rewards add up
 to the benchmark's own objective, every step and every loss of accuracy is paid for where it happens, and maps of all

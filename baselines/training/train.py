@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import torch
 
+from baselines.learned.belief_attention import BeliefAttention
 from baselines.learned.checkpoint import describe, load_state, load_weights, save_state, save_weights
 from baselines.learned.gcn import GCN
 from baselines.learned.graph_stnn import GraphSTNN
-from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.learned.policy import evaluate
 from baselines.training.episodes import Episode, play
 from baselines.training.learner import DivergedError, Learner
@@ -77,8 +77,8 @@ class Recipe:
 
 RECIPES: dict[str, Recipe] = {
     "baselines.learned.graph_stnn": Recipe(GraphSTNN, ReturnsLearner, ReturnsSettings(), 4500),
-    "baselines.learned.graph_stnn_plus": Recipe(
-        GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(), 6000, scales=(1.0, 1.5)
+    "baselines.learned.belief_attention": Recipe(
+        BeliefAttention, PolicyGradientLearner, PolicyGradientSettings(), 6000, scales=(1.0, 1.5)
     ),
     "baselines.learned.gcn": Recipe(GCN, ReplayLearner, ReplaySettings(), 4500),
 }

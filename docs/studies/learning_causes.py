@@ -23,11 +23,11 @@ import pandas as pd
 import torch
 from torch import Tensor, nn
 
+from baselines.learned.belief_attention import CHANNELS, BeliefAttention
 from baselines.learned.candidate_features import CandidateBatch
 from baselines.learned.checkpoint import load_weights
 from baselines.learned.graph import ExplorationGraph, exploration_graph
 from baselines.learned.graph_stnn import GraphSTNN
-from baselines.learned.graph_stnn_plus import CHANNELS, GraphSTNNPlus
 from baselines.learned.layers import GraphBatch, Noise, NoisyLinear
 from baselines.training import train
 from baselines.training.episodes import Episode, play
@@ -44,7 +44,7 @@ from explore_bench.world.scenarios import PAPER
 EPISODES = 3000
 WORLDS = {20.0: 100, 40.0: 16}
 UNTRAINED = ("nearest", "entropy", "uncertainty")
-SHIPPED = ("graph-stnn", "graph-stnn-plus")
+SHIPPED = ("graph-stnn", "belief-attention")
 
 
 def loud(sigma: float) -> GraphSTNN:
@@ -69,7 +69,7 @@ class GraphPolicy(GraphSTNN):
         return self.judge(batch, shown, pooled, None), self.critic(pooled).squeeze(-1)
 
 
-class PlusValues(GraphSTNNPlus):
+class PlusValues(BeliefAttention):
     """Our extension's features and attention with the noisy head of Graph-STNN: values that learn from returns."""
 
     def __init__(self) -> None:
@@ -113,9 +113,9 @@ VARIANTS: dict[str, train.Recipe] = {
     ),
     "d along the path, returns": dataclasses.replace(FAITHFUL, network=partial(GraphSTNN, distance="path")),
     "Eq. 4, policy gradient": train.Recipe(GraphPolicy, PolicyGradientLearner, GRADIENT, EPISODES),
-    "features of graph-stnn-plus, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
-    "features of graph-stnn-plus, policy gradient": train.Recipe(
-        GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(decay=8000), 8000
+    "features of belief-attention, returns": train.Recipe(PlusValues, ReturnsLearner, RETURNS, EPISODES),
+    "features of belief-attention, policy gradient": train.Recipe(
+        BeliefAttention, PolicyGradientLearner, PolicyGradientSettings(decay=8000), 8000
     ),
 }
 

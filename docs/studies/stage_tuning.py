@@ -1,4 +1,4 @@
-"""What training in lidar worlds adds: `graph-stnn-plus` as it is, and after 384 more episodes with a lidar.
+"""What training in lidar worlds adds: `belief-attention` as it is, and after 384 more episodes with a lidar.
 
     python docs/studies/stage_tuning.py [--store FOLDER]
 
@@ -22,7 +22,7 @@ from explore_bench.runs.suites import plan
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-WEIGHTS = ROOT / "baselines" / "weights" / "lidar" / "graph-stnn-plus-0.safetensors"
+WEIGHTS = ROOT / "baselines" / "weights" / "lidar" / "belief-attention-0.safetensors"
 METRICS = {"l90": ("L90 [m]", 1), "t90_seconds": ("T90 [s]", 1), "trajectory_error": ("e [m]", 3)}
 
 
@@ -33,12 +33,12 @@ def main() -> None:
     store = Store(parser.parse_args().store)
     store.open(0, "evaluate", scenario=None)
     rows = []
-    specs = plan("stage", [f"graph-stnn-plus[weights={WEIGHTS}]"]).specs
+    specs = plan("stage", [f"belief-attention[weights={WEIGHTS}]"]).specs
     for _ in execute(list(missing(store, specs)), store, default_workers()):
         pass
     tuned = trial_table([store.find(spec) for spec in specs])
     before = pd.read_csv(ROOT / "results" / "stage" / "trials.csv")
-    before = before[before["strategy"] == "graph-stnn-plus"]
+    before = before[before["strategy"] == "belief-attention"]
     for scenario in dict.fromkeys(tuned["scenario"]):
         own, other = (trials[trials["scenario"] == scenario] for trials in (tuned, before))
         rows.append({"scenes": scenario, **compared(own, other)})

@@ -25,7 +25,7 @@ from explore_bench.world.scenarios import load_scenario
 
 SCENES = 8
 
-STRATEGIES = ("entropy", "graph-stnn", "graph-stnn-plus")
+STRATEGIES = ("entropy", "graph-stnn", "belief-attention")
 
 WORLDS = {
     "dense, range 5 m": {"sensor_range": 5.0},

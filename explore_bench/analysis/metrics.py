@@ -172,15 +172,26 @@ def metrics_of(kind: str) -> dict[str, Metric]:
     return dict(kind_of(kind).load("metrics", {}))
 
 
-REGRET = Metric("R", "1", "lower", "(T − T_clairvoyant) / T_clairvoyant on the same world", lambda record: math.nan)
-"""Regret pairs a trial with the reference's on the same world, so `results` computes it from both."""
+REGRETS: dict[str, tuple[str, Metric]] = {
+    "regret": (
+        "tour",
+        Metric("R ≥", "1", "lower", "T / T_tour − 1, to the fastest tour known of the same world", lambda _: math.nan),
+    ),
+    "regret_most": (
+        "bound",
+        Metric("R ≤", "1", "lower", "T / T_bound − 1, to a lower bound on T in the same world", lambda _: math.nan),
+    ),
+}
+"""The regret to the fastest way there is lies between these: the note of a reference by which each is measured, and it.
+
+They pair a trial with what a reference said of its world, so they are computed from both.
+"""
 
 
-def regret(record: TrialRecord, reference: TrialRecord | None) -> float:
-    """(T − T_ref) / T_ref on the same world; may be negative, NaN where the reference did not run."""
-    if reference is None or not score(reference).time:
-        return math.nan
-    return score(record).time / score(reference).time - 1.0
+def regret(record: TrialRecord, reference: TrialRecord | None, note: str) -> float:
+    """Return T over the steps that a note of the reference says of the same world, less 1; NaN without such a note."""
+    steps = 0.0 if reference is None else reference.notes.get(note, 0.0)
+    return score(record).time / steps - 1.0 if steps else math.nan
 
 
 def all_metrics() -> dict[str, Metric]:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS
-from explore_bench.analysis.metrics import METRICS, metrics_of, regret
+from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of, regret
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -37,7 +37,7 @@ TRIAL_COLUMNS = (
     "decisions",
     *FIRST_METRICS,
     *FURTHER_METRICS,
-    "regret",
+    *REGRETS,
     "scenario",
     "reason",
 )
@@ -56,14 +56,14 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
 
     The columns are TRIAL_COLUMNS and the metrics of the kinds of world that the trials are of.
 
-    Names of strategies are kept as they were when the trial ran; regret is to the reference on the world.
+    Names of strategies are kept as they were when the trial ran; regret is to what the reference said of the world.
 
     Raises
     ------
     RequestError : where two different strategies, or sets of weights, have the same name.
     """
     refuse_shared_names(record.spec for record in records)
-    references = {(record.spec.scenario, record.spec.trial): record for record in records if record.spec.reference}
+    references = {(record.spec.scenario, record.spec.trial): record for record in records if record.notes}
     own = {kind: metrics_of(kind) for kind in dict.fromkeys(record.spec.scenario.kind for record in records)}
     rows = []
     for record in records:
@@ -73,6 +73,10 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
         rows.append(
             values
             | {
+                name: regret(record, references.get((spec.scenario, spec.trial)), note)
+                for name, (note, _) in REGRETS.items()
+            }
+            | {
                 "strategy": spec.strategy,
                 "training_seed": spec.training_seed,
                 "size": spec.scenario.size,
@@ -81,7 +85,6 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
                 "status": record.status,
                 "steps": max(len(steps["step"]) - 1, 0),
                 "decisions": int(steps["decisions"][-1]) if len(steps["step"]) else 0,
-                "regret": regret(record, references.get((spec.scenario, spec.trial))),
                 "scenario": spec.scenario_name,
                 "reason": record.reason,
             }
@@ -172,7 +175,7 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
     every trial of a cell is left out. What the paper prints stands beside trials of its own scenario alone.
     """
     rows = []
-    metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, "regret", *own_metrics(trials)]
+    metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, *REGRETS, *own_metrics(trials)]
     printed = of_paper(trials)
     for name in in_order([*strategies(), *trials["strategy"]]):
         own = trials[trials["strategy"] == name]

@@ -38,11 +38,14 @@ def list_(what: str) -> None:
             sizes = ", ".join(f"{size:g}" for size in suite.sizes)
             rows.append((name, sizes, str(suite.trials), suite.description))
     else:
-        from explore_bench.analysis.metrics import METRICS, REGRET, metrics_of
+        from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of
         from explore_bench.world.kinds import KINDS
 
         rows = [("name", "symbol", "unit", "better", "worlds", "definition")]
-        listed = {"all": METRICS | {"regret": REGRET}, **{kind: metrics_of(kind) for kind in KINDS}}
+        listed = {
+            "all": METRICS | {name: metric for name, (_, metric) in REGRETS.items()},
+            **{kind: metrics_of(kind) for kind in KINDS},
+        }
         for worlds, metrics in listed.items():
             for name, metric in metrics.items():
                 rows.append((name, metric.symbol, metric.unit, metric.better or "–", worlds, metric.equation))

@@ -46,6 +46,7 @@ class TrialRecord:
     fine_map : class of each cell of the robot's finer map when the trial ended (of a failed one: at its last decision
         that was answered): `snapshot.UNKNOWN`, `FREE` or `OCCUPIED`, shape that of `scenario.map_grid`; None in a kind
         of world without one, and for a trial of which no map was kept.
+    notes : what a reference said of the world, numbers by name.
     """
 
     spec: TrialSpec
@@ -56,6 +57,7 @@ class TrialRecord:
     world: World
     transient: bool
     fine_map: NDArray[np.uint8] | None = None
+    notes: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,8 @@ def _table(result: TrialResult) -> pa.Table:
         "transient": result.transient,
         "world": result.world.facts(),
     }
+    if result.notes:
+        values["notes"] = result.notes
     schema = _schema(kind, fine).with_metadata({METADATA_KEY: json.dumps(values, sort_keys=True).encode()})
     return pa.table({name: pa.array(columns[name], schema.field(name).type) for name in schema.names}, schema)
 
@@ -191,6 +195,7 @@ def record_of(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
         world=kind_of(spec.scenario.kind).load("world").from_facts(facts["world"], spec.scenario),
         transient=facts["transient"],
         fine_map=_last_fine_map(shard, spec.scenario),
+        notes=facts.get("notes", {}),
     )
 
 

@@ -59,7 +59,8 @@ def robust_table(trials: pd.DataFrame) -> Table:
         row = [shown_name(strategy), f"{size:g}", str(cell["trial"].nunique())]
         for name in PAPER_METRICS:
             values = np.array(list(by_world(cell, name).values()))
-            row.append(interval_text(interquartile_mean_interval(values)) if np.isfinite(values).all() else "–")
+            shown = entry_of(strategy).fills(name) and np.isfinite(values).all()
+            row.append(interval_text(interquartile_mean_interval(values)) if shown else "–")
         curves = {name: coverage_survival(cell, name) for name in COVERAGES}
         row += [f"{own.median:.0f}" if math.isfinite(own.median) else "–" for own in curves.values()]
         row.append(f"{int((~_reached(cell, 't90')).sum())} of {len(cell)}")

@@ -46,7 +46,7 @@ def caption(name: str) -> str:
     if name in VALIDATION_FIGURES:
         return (
             f"Validation of {_GROUPS[VALIDATION_FIGURES[name]]}: the policies without noise, after so many episodes of "
-            "training, in worlds that are the same for all who validate at the same sizes (Graph-STNN+ does so at "
+            "training, in worlds that are the same for all who validate at the same sizes (Belief attention does so at "
             "two); bands span the training seeds."
         )
     if name[:-1] not in CURVE_FIGURES:

@@ -179,6 +179,8 @@ def _curves(groups: Groups, size: float) -> Figure:
     for column, (name, (title, unit)) in enumerate(CURVES.items()):
         axes = grid[0, column]
         for strategy, own in groups.items():
+            if name != "explored" and not entry_of(strategy).fills(name):
+                continue
             _band(axes, step, _by_world(own, name, length), strategy, own[0].spec.root)
         axes.set_title(title)
         axes.set_ylabel(f"[{unit}]" if unit != "1" else "known share")

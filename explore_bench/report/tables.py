@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from explore_bench.analysis.metrics import METRICS, REGRET, Metric
+from explore_bench.analysis.metrics import METRICS, REGRETS, Metric
 from explore_bench.analysis.statistics import Estimate, paired_difference
 from explore_bench.analysis.tables import by_world, of_paper
 from explore_bench.records.encoding import TrialRecord
@@ -32,7 +32,7 @@ DETAIL_METRICS = (
     "t50",
     "t80",
     "t90",
-    "regret",
+    *REGRETS,
     "absolute_trajectory_error",
     "pose_nees",
     "collisions",
@@ -44,12 +44,12 @@ NOTE = (
     "Mean over n worlds [95 % BCa bootstrap interval], conditional on the weights of a learned strategy: its training "
     "seeds are averaged within a world first (smallest–largest mean of a single seed). A trial that did not explore is "
     "scored with T = n_a = the step limit, its last U and at least a max trace of 2 σ₀². A reference is told the true "
-    "world."
+    "world and fills the columns for which it plans."
 )
 _LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_"}
 _LATEX |= {"{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 _LATEX |= {"η": r"$\eta$", "σ": r"$\sigma$", "²": r"$^2$", "₀": r"$_0$", "Σ": r"$\Sigma$", "Δ": r"$\Delta$"}
-_LATEX |= {"−": r"$-$", "≥": r"$\geq$", "×": r"$\times$", "–": "--"}
+_LATEX |= {"−": r"$-$", "≥": r"$\geq$", "≤": r"$\leq$", "×": r"$\times$", "–": "--"}
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
         for metric, size in columns:
             paper = _value(lines, metric, size, "paper")
             row.append(f"{paper:.4f}" if paper and not math.isnan(paper) else "–")
-            row.append(_measured(lines, metric, size) or absent)
+            row.append((_measured(lines, metric, size) or absent) if entry.fills(metric) else "–")
         rows.append(tuple(row))
     scopes = tuple(Scope((strategy,)) for strategy in names)
     of_columns = [Scope()] * 4 + [Scope(size=size) for _, size in columns for _ in ("paper", "ours")]
@@ -183,7 +183,7 @@ def means_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
         lines = unique[unique["strategy"] == strategy].set_index(["metric", "size"])
         unfinished = int((cell["status"] != "explored").sum())
         row = (shown_name(strategy), f"{size:g}", str(cell["trial"].nunique()), str(unfinished))
-        rows.append((*row, *(_measured(lines, name, size) or "–" for name in PAPER_METRICS)))
+        rows.append((*row, *(_shown(strategy, lines, name, size) for name in PAPER_METRICS)))
         scopes.append(Scope((strategy,), size))
     title = "Trajectory error e and exploration efficiency η of every strategy and size"
     return Table(title, header, tuple(rows), NOTE, tuple(scopes))
@@ -191,7 +191,7 @@ def means_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
 
 def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
     """How the trials of every strategy and size ended, and what else was measured."""
-    units = {name: METRICS[name] for name in METRICS} | {"regret": REGRET}
+    units = METRICS | {name: metric for name, (_, metric) in REGRETS.items()}
     header = ["Method", "size [m]", "trials", *(status.replace("_", " ") for status in STATUSES), "stuck [%]"]
     header += [heading(units[name]) for name in DETAIL_METRICS]
     rows = []
@@ -202,7 +202,7 @@ def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
         row = [shown_name(strategy), f"{size:g}", str(len(cell))]
         row += [str(counts.get(status, 0)) for status in STATUSES]
         row.append(f"{100 * counts.get('stuck', 0) / len(cell):.1f}")
-        row += [_measured(lines, name, size) or "–" for name in DETAIL_METRICS]
+        row += [_shown(strategy, lines, name, size) for name in DETAIL_METRICS]
         rows.append(tuple(row))
     scopes = tuple(Scope((strategy,), size) for (strategy, size), _ in groups_of(trials))
     return Table("Endings and further metrics of every strategy and size", tuple(header), tuple(rows), NOTE, scopes)
@@ -252,6 +252,11 @@ def shown_name(strategy: str) -> str:
 
 def _value(lines: pd.DataFrame, metric: str, size: float, column: str) -> float:
     return float(lines.loc[(metric, size), column]) if (metric, size) in lines.index else 0.0
+
+
+def _shown(strategy: str, lines: pd.DataFrame, metric: str, size: float) -> str:
+    """What was measured; a dash where nothing was, or a reference did not plan for it."""
+    return (_measured(lines, metric, size) if entry_of(strategy).fills(metric) else "") or "–"
 
 
 def _measured(lines: pd.DataFrame, metric: str, size: float) -> str:

@@ -86,7 +86,11 @@ class Strategy(Protocol):
 
 @runtime_checkable
 class Reference(Protocol):
-    """A strategy that is told the truth: a bound to compare with, never a competitor."""
+    """A strategy that is told the truth: a bound to compare with, never a competitor.
+
+    It may have an attribute `notes`, numbers by name that are kept with its trial. Regret is measured by two of them:
+    `tour`, the steps of a way without noise that explores this world, and `bound`, steps below which no way does.
+    """
 
     def reset_with_world(self, rng: np.random.Generator, world: World) -> None:
         """Begin a trial in a world that is known."""

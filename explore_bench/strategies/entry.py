@@ -35,12 +35,14 @@ class Entry:
     kinds : of world in which it can run; empty for all.
     published : what those tables print of it.
     reference : whether it is told the truth; it is marked so in every table and compared with nobody.
+    plans : metrics for which a reference plans: it fills no other column.
     baseline : whether it is what others are measured by, in tables of the differences to one.
     trainer : "module:name" of what trains it; None for one that is not learned.
     training : what the trainer should do otherwise than usual, as the trainer defines it.
     weights : safetensors file of each training seed, a path or "package:path" (see `weights_file`); a learned
         strategy without any is shown as `not trained`.
     broken : what is wrong with its registration, in a sentence; its trials fail. Empty where nothing is.
+    formerly : names that it had before and by which it can still be asked for.
     """
 
     factory: str
@@ -52,11 +54,13 @@ class Entry:
     kinds: tuple[str, ...] = ()
     published: Published = field(default_factory=dict)
     reference: bool = False
+    plans: tuple[str, ...] = ()
     baseline: bool = False
     trainer: str | None = None
     training: Mapping[str, Any] = field(default_factory=dict)
     weights: Mapping[int, str] = field(default_factory=dict)
     broken: str = ""
+    formerly: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         parse_factory(self.factory)
@@ -71,6 +75,10 @@ class Entry:
     def ready(self) -> bool:
         """Whether it can run: a learned strategy needs weights."""
         return self.trainer is None or bool(self.weights)
+
+    def fills(self, metric: str) -> bool:
+        """Whether its values of a metric are shown: those of a reference where it plans for that one."""
+        return not self.reference or metric in self.plans
 
     def runs_in(self, kind: str) -> bool:
         """Whether it can run in worlds of a kind."""

@@ -87,6 +87,14 @@ def parameter_count(entry: Entry) -> int:
         raise RequestError(f"card '{card}' of '{entry.label}' cannot be read; restore it or train anew.") from None
 
 
+def _present_name(name: str) -> str:
+    """Name of the registered strategy that had this one before; the name itself where none had."""
+    known = strategies()
+    if name in known:
+        return name
+    return next((present for present, entry in known.items() if name in entry.formerly), name)
+
+
 def lookup(name: str) -> tuple[str, Entry]:
     """Name and Entry of a strategy given as a registered name, "module:factory" or "path/to/file.py:factory".
 
@@ -98,7 +106,7 @@ def lookup(name: str) -> tuple[str, Entry]:
     RequestError : where there is no such strategy or file, or the name is taken by a registered one.
     """
     asked, parameters = split_parameters(name)
-    known = strategies()
+    asked, known = _present_name(asked), strategies()
     if asked in known:
         return _with_parameters(asked, known[asked], parameters)
     if ":" not in asked:
@@ -116,13 +124,14 @@ def lookup(name: str) -> tuple[str, Entry]:
 
 def entry_named(name: str) -> Entry:
     """Entry of a strategy by the name of its records, also of one that is not registered: its label and its colour."""
-    known = strategies()
+    name, known = _present_name(name), strategies()
     if name in known:
         return known[name]
     try:
         base, parameters = split_parameters(name)
     except RequestError:
         base, parameters = name, {}
+    base = _present_name(base)
     entry = known.get(base) or plugin_entry("unknown:unknown", base)
     return _variant(base, entry, parameters) if parameters else entry
 

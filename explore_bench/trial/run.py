@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ class TrialResult:
     decision_seconds : time the strategy took for each choice.
     transient : whether it failed for want of time, memory or disk, or of something that its strategy needs in order to
         be made, and is worth another try.
+    notes : what a reference says of the world, numbers by name; see `Reference`.
     """
 
     spec: TrialSpec
@@ -51,6 +52,7 @@ class TrialResult:
     decision_seconds: list[float]
     seconds: float
     transient: bool = False
+    notes: dict[str, float] = field(default_factory=dict)
 
 
 def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) -> TrialResult:
@@ -67,12 +69,15 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     seconds: list[float] = []
     final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
     status, reason, transient = Status.FAILED, "", False
+    notes: dict[str, float] = {}
     try:
         with redirect_stdout(sys.stderr), time_limit(timeout):
             strategy = _begin(spec, world)
             events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"), lap)
             ending = _play(events, strategy, steps, snapshots, seconds)
             status, reason = ending.status, ending.reason
+            if spec.reference:
+                notes = {str(name): float(value) for name, value in getattr(strategy, "notes", {}).items()}
             snapshots[len(steps) - 1] = take_snapshot(ending.belief)
             counted = slice(-len(steps), None)  # moves at the start have poses, and no row
             final_poses = ending.belief.poses[counted]
@@ -106,6 +111,7 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
         decision_seconds=seconds,
         seconds=time.perf_counter() - begin,
         transient=transient,
+        notes=notes,
     )
 
 

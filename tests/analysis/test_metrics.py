@@ -1,5 +1,6 @@
 """Metrics worked by hand on hand-made rows, the rule for trials that did not explore, curves and regret."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,7 +10,7 @@ from handmade import record
 from explore_bench.analysis.metrics import (
     CURVES,
     METRICS,
-    REGRET,
+    REGRETS,
     absolute_trajectory_error,
     curve,
     finished,
@@ -32,9 +33,9 @@ def value(name, made):
 # What a metric is
 
 
-@pytest.mark.parametrize("name", [*METRICS, "regret"])
+@pytest.mark.parametrize("name", [*METRICS, *REGRETS])
 def test_every_metric_has_symbol_unit_direction_and_equation(name):
-    metric = (METRICS | {"regret": REGRET})[name]
+    metric = METRICS[name] if name in METRICS else REGRETS[name][1]
     assert metric.symbol.strip()
     assert metric.unit.strip()
     assert metric.equation.strip()
@@ -42,7 +43,7 @@ def test_every_metric_has_symbol_unit_direction_and_equation(name):
 
 
 def test_no_two_metrics_share_a_symbol():
-    symbols = [metric.symbol for metric in (*METRICS.values(), REGRET)]
+    symbols = [metric.symbol for metric in (*METRICS.values(), *(metric for _, metric in REGRETS.values()))]
     assert len(set(symbols)) == len(symbols)
 
 
@@ -230,21 +231,28 @@ def test_counts_are_the_last_value_of_their_column(name, column):
 # Regret
 
 
-def test_regret_is_the_relative_excess_of_time_and_may_be_negative():
-    fast, slow = record(scenario=MAP, rows=101), record(scenario=MAP, rows=151)
-    assert regret(slow, fast) == pytest.approx(0.5)
-    assert regret(fast, slow) == pytest.approx(-1 / 3)
-    assert regret(fast, fast) == 0.0
+def noted(**notes):
+    return dataclasses.replace(record(scenario=MAP, rows=101), notes=notes)
+
+
+def test_regret_is_the_relative_excess_over_a_note_of_the_reference():
+    """Not over the time of its own trial, 100 steps."""
+    reference = noted(tour=80.0, bound=50.0)
+    slow = record(scenario=MAP, rows=121)
+    assert regret(slow, reference, "tour") == pytest.approx(0.5)
+    assert regret(slow, reference, "bound") == pytest.approx(1.4)
+    assert regret(record(scenario=MAP, rows=61), reference, "tour") == pytest.approx(-0.25)
 
 
 def test_regret_of_an_unfinished_trial_counts_the_step_limit():
-    assert regret(record("failed", MAP, rows=3), record(scenario=MAP, rows=101)) == pytest.approx(9.0)
+    assert regret(record("failed", MAP, rows=3), noted(tour=100.0), "tour") == pytest.approx(9.0)
 
 
-def test_regret_without_a_reference_or_to_one_that_took_no_step_is_undefined():
+def test_regret_without_a_reference_or_a_note_is_undefined():
     made = record(scenario=MAP, rows=101)
-    assert math.isnan(regret(made, None))
-    assert math.isnan(regret(made, record(scenario=MAP, rows=1)))
+    assert math.isnan(regret(made, None, "tour"))
+    assert math.isnan(regret(made, noted(tour=80.0), "bound"))
+    assert math.isnan(regret(made, noted(tour=0.0), "tour"))
 
 
 # Curves

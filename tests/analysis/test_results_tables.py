@@ -81,7 +81,7 @@ def test_trials_in_landmark_worlds_have_the_columns_of_the_stored_table(stored):
 
 
 def test_every_metric_is_a_column_of_trials_csv_once():
-    assert set(METRICS) | {"regret"} <= set(TRIAL_COLUMNS)
+    assert set(METRICS) | {"regret", "regret_most"} <= set(TRIAL_COLUMNS)
     assert len(set(TRIAL_COLUMNS)) == len(TRIAL_COLUMNS)
 
 
@@ -145,19 +145,23 @@ def test_steps_are_those_taken_also_where_the_score_counts_the_limit():
     assert row["t90"] == MAP.step_limit
 
 
-def test_regret_is_to_the_reference_on_the_same_world():
-    reference = [
-        with_spec(explored(n, trial=t, strategy="clairvoyant"), reference=True) for t, n in enumerate((100, 50))
-    ]
+def reference_of(trial, tour, bound=40.0):
+    """Return a reference's trial of 110 steps that says so of its world."""
+    made = with_spec(explored(110, trial=trial, strategy="clairvoyant"), reference=True)
+    return dataclasses.replace(made, notes={"tour": tour, "bound": bound})
+
+
+def test_regret_is_to_what_the_reference_says_of_the_same_world():
     made = [explored(150, trial=0), explored(40, trial=1), explored(70, trial=2)]
-    table = trial_table([*made, *reference])
+    table = trial_table([*made, reference_of(0, 100.0), reference_of(1, 50.0)])
     assert list(lines(table, strategy="nearest")["regret"])[:2] == pytest.approx([0.5, -0.2])
+    assert list(lines(table, strategy="nearest")["regret_most"])[:2] == pytest.approx([2.75, 0.0])
     assert math.isnan(lines(table, strategy="nearest", trial=2)["regret"].iloc[0])
-    assert list(lines(table, strategy="clairvoyant")["regret"]) == [0.0, 0.0]
+    assert list(lines(table, strategy="clairvoyant")["regret"]) == pytest.approx([0.1, 1.2])
 
 
 def test_regret_is_not_taken_across_scenarios():
-    reference = with_spec(explored(100, strategy="clairvoyant"), reference=True)
+    reference = reference_of(0, 100.0)
     other = with_spec(explored(150), scenario=MAP.replace(coverage=0.85))
     assert math.isnan(lines(trial_table([other, reference]), strategy="nearest")["regret"].iloc[0])
 
@@ -398,7 +402,7 @@ def test_a_metric_that_a_trial_lacks_has_no_mean_over_the_others(other):
 
 def test_regret_is_summarized_where_every_world_has_a_reference():
     made = [explored(150, trial=t) for t in range(2)]
-    reference = [with_spec(explored(100, trial=t, strategy="clairvoyant"), reference=True) for t in range(2)]
+    reference = [reference_of(t, 100.0) for t in range(2)]
     full = summary_table(trial_table([*made, *reference]))
     assert lines(full, table="table2", strategy="nearest", metric="regret")["mean"].iloc[0] == pytest.approx(0.5)
     part = summary_table(trial_table([*made, reference[0]]))

@@ -492,7 +492,7 @@ def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained)
     monkeypatch.setattr(runner, "run_here", lambda *_: pytest.fail("a trial was run"))
     code, out, err = call(*smoke, "--trials", 2, "--dry-run")
     assert (code, err) == (0, "")
-    assert "10 trials, 0 stored, 10 to do" in out
+    assert "14 trials, 0 stored, 14 to do" in out
     assert "not trained: graph-stnn" in out
     assert not (tmp_path / "results").exists()
 

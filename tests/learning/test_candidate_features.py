@@ -1,4 +1,4 @@
-"""The candidate sets of `graph-stnn-plus`: kernels on grids drawn by hand, features of real observations recomputed."""
+"""The candidate sets of `belief-attention`: kernels on grids drawn by hand, features of observations recomputed."""
 
 import math
 

@@ -14,6 +14,7 @@ from safetensors import SafetensorError
 from torch import nn
 
 from baselines.learned import checkpoint
+from baselines.learned.belief_attention import BeliefAttention
 from baselines.learned.checkpoint import (
     describe,
     load_json,
@@ -28,7 +29,6 @@ from baselines.learned.checkpoint import (
 )
 from baselines.learned.gcn import GCN
 from baselines.learned.graph_stnn import GraphSTNN
-from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.learned.policy import Policy, evaluate
 from explore_bench.errors import RequestError
 from explore_bench.strategies.contract import Observation
@@ -47,7 +47,7 @@ NETWORKS = {
     "no state": (GraphSTNN, {"state": False}, "baselines.learned.graph_stnn:strategy"),
     "GCN-obs": (GCN, {}, "baselines.learned.gcn:strategy"),
     "GCN-no_obs": (GCN, {"obstacles": False}, "baselines.learned.gcn:strategy"),
-    "Graph-STNN+": (GraphSTNNPlus, {}, "baselines.learned.graph_stnn_plus:strategy"),
+    "Belief attention (ours)": (BeliefAttention, {}, "baselines.learned.belief_attention:strategy"),
 }
 
 
@@ -723,3 +723,11 @@ def test_a_card_without_end_is_refused(saved):
     saved.with_suffix(".json").write_text("[" * 100_000)
     with pytest.raises(RequestError, match="cannot be read"):
         load_weights(made("Graph-STNN"), saved)
+
+
+def test_a_card_of_before_its_network_was_renamed_is_read(tmp_path):
+    network, path = BeliefAttention(), tmp_path / "old.safetensors"
+    save_weights(network, path, {})
+    card = json.loads(path.with_suffix(".json").read_text())
+    path.with_suffix(".json").write_text(json.dumps({**card, "network": "GraphSTNNPlus"}))
+    load_weights(BeliefAttention(), path)

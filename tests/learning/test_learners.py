@@ -11,10 +11,10 @@ import pytest
 import torch
 from handmade_graphs import random_graph, random_set
 
+from baselines.learned.belief_attention import BeliefAttention
 from baselines.learned.checkpoint import load_state, save_state
 from baselines.learned.gcn import GCN
 from baselines.learned.graph_stnn import GraphSTNN
-from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.training import policy_gradient, replay, returns as returns_module
 from baselines.training.learner import DivergedError
 from baselines.training.policy_gradient import (
@@ -36,7 +36,7 @@ COURSE = Course(PAPER.replace(size=10.0, landmark_count=1, obstacle_count=2), "t
 KINDS = {
     "returns": (GraphSTNN, ReturnsLearner, ReturnsSettings()),
     "replay": (GCN, ReplayLearner, ReplaySettings(batch=4, warm_up=2, decisions_per_update=2)),
-    "policy gradient": (GraphSTNNPlus, PolicyGradientLearner, PolicyGradientSettings(batch=4)),
+    "policy gradient": (BeliefAttention, PolicyGradientLearner, PolicyGradientSettings(batch=4)),
 }
 each_kind = pytest.mark.parametrize("kind", KINDS)
 

@@ -9,11 +9,11 @@ from handmade_graphs import random_graph, random_set, reordered, reordered_set
 from hypothesis import given, settings, strategies as st
 
 from baselines import STRATEGIES
+from baselines.learned.belief_attention import BeliefAttention
 from baselines.learned.candidate_features import CandidateSet
 from baselines.learned.gcn import GCN
 from baselines.learned.graph import ExplorationGraph
 from baselines.learned.graph_stnn import CHANNELS, GraphSTNN
-from baselines.learned.graph_stnn_plus import GraphSTNNPlus
 from baselines.learned.layers import GraphBatch, Noise, normalized
 
 torch.set_num_threads(1)
@@ -33,7 +33,7 @@ NETWORKS = {
     "text": lambda: GraphSTNN(head="text"),
     "text, no temporal": lambda: GraphSTNN(temporal=False, head="text"),
     "gcn": GCN,
-    "plus": GraphSTNNPlus,
+    "plus": BeliefAttention,
 }
 each_network = pytest.mark.parametrize("name", NETWORKS)
 
@@ -337,7 +337,7 @@ def test_the_second_decision_depends_on_the_first_one_only_through_the_state_enc
 
 
 def test_networks_without_a_state_encoder_keep_nothing():
-    assert GCN().start(3).shape == GraphSTNNPlus().start(3).shape == (0, 3)
+    assert GCN().start(3).shape == BeliefAttention().start(3).shape == (0, 3)
     assert GraphSTNN().start(3).shape == (2, 3, CHANNELS)
     assert not GraphSTNN().start(3).any()
 

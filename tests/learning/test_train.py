@@ -36,10 +36,10 @@ SMALL = PAPER.replace(size=10.0, landmark_count=1, obstacle_count=2)
 LEARNED = [name for name, entry in STRATEGIES.items() if entry.trainer]
 QUICK = {
     "baselines.learned.graph_stnn": {"episodes_per_update": 2},
-    "baselines.learned.graph_stnn_plus": {"episodes_per_update": 2},
+    "baselines.learned.belief_attention": {"episodes_per_update": 2},
     "baselines.learned.gcn": {"episodes_at_once": 2, "warm_up": 2, "batch": 4, "decisions_per_update": 2},
 }
-each_learner = pytest.mark.parametrize("name", ["graph-stnn", "gcn-obs", "graph-stnn-plus"])
+each_learner = pytest.mark.parametrize("name", ["graph-stnn", "gcn-obs", "belief-attention"])
 
 
 @pytest.fixture(autouse=True)
@@ -263,7 +263,7 @@ def test_progress_is_said_now_and_then(tmp_path, monkeypatch, name):
     said = train(tmp_path, name)
     lines = [line for line in said if "min left" in line]
     assert [f"episode {count}," in line for count, line in zip((2, 4, 6, 8), lines, strict=True)] == [True] * 4
-    exploration = {"graph-stnn": "noise σ", "gcn-obs": "dropout", "graph-stnn-plus": "entropy"}[name]
+    exploration = {"graph-stnn": "noise σ", "gcn-obs": "dropout", "belief-attention": "entropy"}[name]
     assert all(exploration in line and "steps/s" in line for line in lines)
     _, count, decisions, reward, time, efficiency, error, *_ = log_of(tmp_path, name)["pending"]
     means = f"reward {reward / decisions:.3f}, T {time / count:.0f}, η {efficiency / count:.3f}, e {error / count:.3f}"
@@ -277,7 +277,7 @@ def test_every_learned_strategy_can_be_trained(tmp_path, name):
     wanted = dict(STRATEGIES[name].parameters)
     assert ("path_length" in run.network.columns) == (wanted.pop("distance", "straight") == "path")
     assert run.network.switches.items() >= wanted.items()
-    scales = (1.0, 1.2) if name == "graph-stnn-plus" else (1.0,)
+    scales = (1.0, 1.2) if name == "belief-attention" else (1.0,)
     assert run.course == Course(SMALL.replace(**STRATEGIES[name].training), "train", 3, scales=scales)
     assert run.validation == Course(SMALL, "validate", 0, scales=scales)
     assert list(tmp_path.iterdir()) == []
@@ -317,7 +317,7 @@ def test_a_training_goes_on_in_the_worlds_in_which_it_began(refused, tmp_path, l
 def test_in_a_given_map_all_worlds_have_its_size(tmp_path):
     file = tmp_path / "mapped.toml"
     file.write_text('map = ["#####", "#...#", "#...#", "#####"]\n')
-    run = training.Training("graph-stnn-plus", STRATEGIES["graph-stnn-plus"], 0, tmp_path, str(file))
+    run = training.Training("belief-attention", STRATEGIES["belief-attention"], 0, tmp_path, str(file))
     assert run.course.scales == run.validation.scales == (1.0,)
     assert run.course.scenario_of(1).map
 
@@ -401,7 +401,7 @@ def test_validation_leaves_no_trace_in_learning(tmp_path, monkeypatch):
 # Going on
 
 
-@pytest.mark.parametrize("name", ["graph-stnn", "graph-stnn-plus"])
+@pytest.mark.parametrize("name", ["graph-stnn", "belief-attention"])
 def test_a_resumed_training_ends_with_the_same_weights(call, tmp_path, name):
     train(tmp_path / "through", name, episodes=12)
     train(tmp_path / "stopped", name, episodes=4)

@@ -391,7 +391,7 @@ def sources(folder):
     return {f"explore_bench.{folder}.{path.stem}" for path in package.glob("[a-z]*.py")}
 
 
-@pytest.mark.parametrize("factory", ["baselines.nearest:Nearest", "baselines.clairvoyant:Clairvoyant"])
+@pytest.mark.parametrize("factory", ["baselines.nearest:Nearest", "baselines.reference.clairvoyant:Clairvoyant"])
 def test_all_of_the_core_that_a_trial_runs_is_followed(factory):
     followed = modules(factory)
     assert followed >= {f"explore_bench.{name}" for name in SOME}
@@ -401,7 +401,7 @@ def test_all_of_the_core_that_a_trial_runs_is_followed(factory):
     assert factory.split(":")[0] in followed
 
 
-@pytest.mark.parametrize("module", ["gcn", "graph_stnn", "graph_stnn_plus"])
+@pytest.mark.parametrize("module", ["gcn", "graph_stnn", "belief_attention"])
 def test_a_learned_strategy_is_followed_into_its_network_and_not_into_its_training(module):
     """How weights came about does not matter to a trial: they are part of its key themselves."""
     followed = modules(f"baselines.learned.{module}:strategy")
@@ -474,7 +474,7 @@ root = Path(sys.argv[1])
 assert Path(explore_bench.__file__).is_relative_to(root)
 STRATEGIES = {
     "nearest": "baselines.nearest:Nearest",
-    "clairvoyant": "baselines.clairvoyant:Clairvoyant",
+    "clairvoyant": "baselines.reference.clairvoyant:Clairvoyant",
     "public": f"{root / 'public.py'}:Plugin",
 }
 
@@ -517,7 +517,7 @@ STALE = {
     "explore_bench/world/scenario.py": CHESS + LANDMARK,
     # of one strategy
     "explore_bench/trial/error_and_efficiency.py": ["chess public", "landmark public"],
-    "baselines/clairvoyant.py": ["chess clairvoyant", "landmark clairvoyant"],
+    "baselines/reference/clairvoyant.py": ["chess clairvoyant", "landmark clairvoyant"],
     "public.py": ["chess public", "landmark public"],
     # of none
     "explore_bench/__init__.py": [],

@@ -116,7 +116,7 @@ def test_a_specification_with_unusual_fields_comes_back_exactly(store):
     scenario = TINY.replace(odometry_sigma=0.1 + 0.2, fusion="determinant", occlusion=True)
     spec = TrialSpec(
         "näme",
-        "baselines.clairvoyant:Clairvoyant",
+        "baselines.reference.clairvoyant:Clairvoyant",
         scenario,
         3,
         {"beam": 2, "metres_per_cell": 1 / 3},
@@ -190,11 +190,12 @@ def test_the_replay_holds_candidates_and_choice_of_every_decision_and_the_end(st
         for i, step in enumerate(replay.steps):
             snapshot = result.snapshots[step]
             assert (replay.candidates[i], replay.choices[i]) == (snapshot.candidates, snapshot.choice)
+            assert replay.targets[i] == (snapshot.target and tuple(snapshot.target))
         assert replay.candidates[-1] is None
         assert replay.choices[-1] is None
-        assert all(
-            0 <= choice < len(own) for own, choice in zip(replay.candidates[:-1], replay.choices[:-1], strict=True)
-        )
+        for own, choice, target in zip(replay.candidates[:-1], replay.choices[:-1], replay.targets[:-1], strict=True):
+            assert (choice is None) == (target is not None)
+            assert choice is None or 0 <= choice < len(own)
 
 
 BELIEFS = """
@@ -605,3 +606,10 @@ def test_what_a_killed_process_had_half_written_is_removed_later_and_what_is_bei
     own_store.open(0, "evaluate", TINY)
     assert not old.exists()
     assert young.exists()
+
+
+def test_what_a_reference_says_of_the_world_is_kept(stored):
+    notes = {spec.strategy: stored.store.find(spec).notes for spec in stored.specs if spec.trial == 0}
+    assert notes["clairvoyant"].keys() == {"tour", "bound"}
+    assert 0 < notes["clairvoyant"]["bound"] <= notes["clairvoyant"]["tour"]
+    assert notes["nearest"] == notes["random"] == {}

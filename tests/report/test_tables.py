@@ -1,6 +1,7 @@
 """Tables from summaries made by hand: Markdown, CSV and LaTeX, paper values, untrained and missing strategies."""
 
 import csv
+import dataclasses
 import io
 import math
 import re
@@ -19,6 +20,7 @@ from explore_bench.report.tables import (
     Table,
     details_table,
     escape,
+    means_table,
     paired_table,
     paper_table,
     report_tables,
@@ -188,7 +190,12 @@ def trials():
     rows = [ended(100, trial=0), ended(120, trial=1), ended(50, "stuck", trial=2), ended(60, "step_limit", trial=3)]
     rows += [ended(200 + 10 * t, strategy="random", trial=t) for t in range(3)]
     rows += [ended(20, "failed", "random", 3)]
-    rows += [with_spec(ended(80, strategy="clairvoyant", trial=t), reference=True) for t in range(4)]
+    rows += [
+        dataclasses.replace(
+            with_spec(ended(80, strategy="clairvoyant", trial=t), reference=True), notes={"tour": 80.0, "bound": 40.0}
+        )
+        for t in range(4)
+    ]
     return trial_table(rows)
 
 
@@ -204,9 +211,23 @@ def test_details_count_every_status_and_give_the_rate_of_stuck_trials(trials):
 
 def test_details_give_further_metrics_with_intervals(trials):
     row = row_of(details_table(trials, summary_table(trials)), "Clairvoyant (reference)")
-    assert row["R"] == "0.000 [0.000, 0.000]"
+    assert (row["R ≥"], row["R ≤"]) == ("0.000 [0.000, 0.000]", "1.000 [1.000, 1.000]")
     assert row["T90 [step]"].startswith("76.")
-    assert row_of(details_table(trials, summary_table(trials)), "Nearest")["R"].split()[0] == "5.938"
+    nearest = row_of(details_table(trials, summary_table(trials)), "Nearest")
+    assert (nearest["R ≥"].split()[0], nearest["R ≤"].split()[0]) == ("5.938", "12.88")
+
+
+def test_a_reference_fills_only_the_columns_for_which_it_plans(trials):
+    """It drives for the time alone: its e and η would be taken for what is possible."""
+    summary = summary_table(trials)
+    row = row_of(details_table(trials, summary), "Clairvoyant (reference)")
+    assert {row[name] for name in ("D", "L [m]", "T50 [step]", "ATE [m]", "NEES", "C")} == {"–"}
+    assert row_of(means_table(trials, summary), "Clairvoyant (reference)")["e [m]"] == "–"
+    table2 = paper_table("table2", PAPER_TABLES["table2"], summary)
+    [own] = [line for line in table2.rows if line[0] == "Clairvoyant (reference)"]
+    assert set(own[4:]) == {"–"}
+    [other] = [line for line in table2.rows if line[0] == "Nearest"]
+    assert set(other[4:]) != {"–"}
 
 
 def test_details_of_several_sizes_have_a_row_each():

@@ -13,13 +13,21 @@ from explore_bench.world.maps import gallery
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER, STAGE
 
-UNTRAINED_BASELINES = {"entropy", "uncertainty", "random", "nearest", "clairvoyant"}
+UNTRAINED_BASELINES = {
+    "entropy",
+    "entropy-path",
+    "entropy-per-metre",
+    "uncertainty",
+    "random",
+    "nearest",
+    "clairvoyant",
+}
 ABLATIONS = {
     *("no-state", "no-temporal", "no-spatial"),
     *("no-temporal-state", "no-spatial-state", "no-spatial-temporal"),
 }
 LEARNED = {
-    "table2": {"graph-stnn", "graph-stnn-path", "graph-stnn-plus", "gcn-no-obs", "gcn-obs", "gcn-obs-blind"},
+    "table2": {"graph-stnn", "graph-stnn-path", "belief-attention", "gcn-no-obs", "gcn-obs", "gcn-obs-blind"},
     "table3": {"graph-stnn", *ABLATIONS},
     "layers": {"graph-stnn", "graph-stnn-1-layer", "graph-stnn-3-layers"},
 }
@@ -146,7 +154,7 @@ def test_stage_runs_the_compared_methods_on_50_lidar_worlds_at_two_ranges(all_tr
 def test_plans_runs_five_methods_on_ten_floor_plans_of_each_kind(all_trained):
     asked = plan("plans")
     assert asked.scenario is None
-    assert {spec.strategy for spec in asked.specs} == {"random", "nearest", "entropy", "graph-stnn", "graph-stnn-plus"}
+    assert {spec.strategy for spec in asked.specs} == {"random", "nearest", "entropy", "graph-stnn", "belief-attention"}
     own = [spec for spec in asked.specs if spec.strategy == "graph-stnn"]
     assert [spec.scenario_name for spec in own] == [n for n in ("office", "rooms", "maze", "hall") for _ in range(10)]
     assert all(spec.scenario == STAGE.replace(size=20.0, scene=spec.scenario_name) for spec in own)

@@ -476,7 +476,7 @@ def test_every_entry_has_a_factory_and_learned_ones_say_what_trains_them():
     known = strategies()
     assert all(entry.factory for entry in known.values())
     assert {name for name, entry in known.items() if entry.trainer is None} == {
-        *("entropy", "uncertainty", "random", "nearest", "clairvoyant")
+        *("entropy", "entropy-path", "entropy-per-metre", "uncertainty", "random", "nearest", "clairvoyant")
     }
 
 
@@ -539,3 +539,19 @@ def test_the_paper_s_tables_are_complete():
     keys = [key for entry in strategies().values() for key in entry.published]
     assert sum(table == "table2" for table, _, _ in keys) == 24
     assert sum(table == "table3" for table, _, _ in keys) == 42
+
+
+# Names that changed
+
+
+def test_a_strategy_is_found_by_the_name_that_it_had_before():
+    name, entry = lookup("graph-stnn-plus")
+    assert (name, entry) == ("belief-attention", strategies()["belief-attention"])
+    assert "graph-stnn-plus" not in strategies()
+    assert entry_named("graph-stnn-plus") is entry, "records of that time have its label and its colour"
+
+
+def test_former_names_of_strategies_are_no_present_ones():
+    former = [name for entry in strategies().values() for name in entry.formerly]
+    assert len(set(former)) == len(former)
+    assert not set(former) & strategies().keys()

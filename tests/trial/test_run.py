@@ -302,7 +302,7 @@ def test_every_map_of_the_gallery_is_explored_by_the_nearest_frontier(name):
 
 
 def test_the_reference_explores_a_map_whose_cells_do_not_all_count():
-    spec = TrialSpec("clairvoyant", "baselines.clairvoyant:Clairvoyant", ROOMS, 0, reference=True)
+    spec = TrialSpec("clairvoyant", "baselines.reference.clairvoyant:Clairvoyant", ROOMS, 0, reference=True)
     known, blind = run_trial(spec), run_trial(TrialSpec("nearest", f"{__name__}:Nearest", ROOMS, 0))
     assert known.status is blind.status is Status.EXPLORED
     assert len(known.steps) <= 1.2 * len(blind.steps)

@@ -62,36 +62,32 @@ def _command(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> Comma
 
 
 @jit
-def drive_to(driver: Driver, pose: Pose, waypoint: tuple[float, float]) -> tuple[int, Pose]:
-    """Steps that a robot without noise takes to reach a waypoint [m], and its pose there."""
-    steps = 0
-    while True:
+def next_command(driver: Driver, pose: Pose, waypoint: tuple[float, float], stage: int) -> tuple[float, float, int]:
+    """Next command (turn, forward) towards a waypoint [m], and the stage of the drive after it; −1: it is reached.
+
+    The stage is 0 at first. In a closed loop nothing depends on it; an open loop turns once, and ends after a step that
+    is shorter than a full one.
+    """
+    if not driver.open_loop:
         turn, forward = _command(driver, pose, waypoint)
-        if turn == 0.0 and forward == 0.0:
-            return steps, pose
-        pose = compose(pose, (forward, 0.0, turn))
-        steps += 1
+        return turn, forward, -1 if turn == 0.0 and forward == 0.0 else 0
+    dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
+    if stage == 0:
+        return wrap_angle(math.atan2(dy, dx) - pose[2]), 0.0, 1
+    if stage == 1:
+        left = math.hypot(dx, dy)
+        return 0.0, min(left, driver.step_length), 1 if left >= driver.step_length else 2
+    return 0.0, 0.0, -1
 
 
 @jit
 def _follow(driver: Driver, pose: Pose, waypoints: Array) -> Array:
     commands = []
     for w in range(waypoints.shape[0]):
-        waypoint = (waypoints[w, 0], waypoints[w, 1])
-        if driver.open_loop:
-            dx, dy = waypoint[0] - pose[0], waypoint[1] - pose[1]
-            turn, left = wrap_angle(math.atan2(dy, dx) - pose[2]), math.hypot(dx, dy)
-            commands.append((turn, 0.0))
-            pose = compose(pose, (0.0, 0.0, turn))
-            full = int(left / driver.step_length)
-            for k in range(full + 1):
-                forward = driver.step_length if k < full else left - full * driver.step_length
-                commands.append((0.0, forward))
-                pose = compose(pose, (forward, 0.0, 0.0))
-            continue
+        waypoint, stage = (waypoints[w, 0], waypoints[w, 1]), 0
         while True:
-            turn, forward = _command(driver, pose, waypoint)
-            if turn == 0.0 and forward == 0.0:
+            turn, forward, stage = next_command(driver, pose, waypoint, stage)
+            if stage < 0:
                 break
             commands.append((turn, forward))
             pose = compose(pose, (forward, 0.0, turn))

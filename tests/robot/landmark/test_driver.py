@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from explore_bench.geometry import compose
-from explore_bench.robot.landmark.driver import Driver, drive_to
+from explore_bench.robot.landmark.driver import Driver, next_command
 from explore_bench.world.scenario import Scenario
 
 DRIVER = Driver(step_length=0.5, turn_threshold=math.radians(15.0), arrival_radius=0.25)
@@ -106,19 +106,22 @@ def test_following_is_one_command_after_the_other(driver, x, y, heading, to_x, t
     assert driver.follow((x, y, heading), np.array([[to_x, to_y]])).tolist() == [list(c) for c in commands]
 
 
-@given(drivers, metres, metres, st.floats(-3.0, 3.0), metres, metres)
-def test_driving_to_a_place_takes_the_commands_that_follow_it_and_ends_where_they_do(driver, x, y, heading, to_x, to_y):
-    steps, pose = drive_to(driver, (x, y, heading), (to_x, to_y))
-    commands = driver.follow((x, y, heading), np.array([[to_x, to_y]]))
-    expected = (x, y, heading)
-    for turn, forward in commands.tolist():
-        expected = compose(expected, (forward, 0.0, turn))
-    assert steps == len(commands)
-    assert pose == expected
+@given(
+    st.builds(Driver, st.floats(0.05, 3.0), st.floats(0.01, 1.5), st.floats(0.01, 2.0), st.booleans()), metres, metres
+)
+def test_next_commands_are_those_that_follow_it(driver, to_x, to_y):
+    pose, stage, commands = (0.0, 0.0, 0.5), 0, []
+    while True:
+        turn, forward, stage = next_command(driver, pose, (to_x, to_y), stage)
+        if stage < 0:
+            break
+        commands.append([turn, forward])
+        pose = compose(pose, (forward, 0.0, turn))
+    assert driver.follow((0.0, 0.0, 0.5), np.array([[to_x, to_y]])).tolist() == commands
 
 
-def test_driving_to_where_the_robot_is_takes_no_step():
-    assert drive_to(DRIVER, (3.0, 4.0, 0.5), (3.1, 4.1)) == (0, (3.0, 4.0, 0.5))
+def test_where_the_robot_is_there_is_no_next_command():
+    assert next_command(DRIVER, (3.0, 4.0, 0.5), (3.1, 4.1), 0) == (0.0, 0.0, -1)
 
 
 # Open loop

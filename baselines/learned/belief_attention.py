@@ -1,4 +1,4 @@
-"""`graph-stnn-plus`, our own extension: what the exploration graph does not tell, and a policy over the candidates.
+"""`belief-attention`, our own extension: what the exploration graph does not tell, and a policy over the candidates.
 
 A candidate is described by the path to it, by what it would reveal and by the belief propagated along that path
 (`candidate_features.CANDIDATE_COLUMNS`); attention compares all candidates with each other and with what is still
@@ -48,7 +48,7 @@ class Attention(nn.Module):
         return tokens + self.mix(self.norm_after(tokens))
 
 
-class GraphSTNNPlus(nn.Module):
+class BeliefAttention(nn.Module):
     """Preferences of the candidates (softmax: the policy) and, for learning, the value of the state.
 
     Candidates and the blocks of the map that are still unknown are the tokens of two attention layers.
@@ -108,4 +108,4 @@ class GraphSTNNPlus(nn.Module):
 
 def strategy(weights: str) -> Policy:
     """Our extension with trained weights."""
-    return Policy(GraphSTNNPlus(), weights)
+    return Policy(BeliefAttention(), weights)

@@ -1,0 +1,1 @@
+"""References: what is possible in a world that is known. They are told the truth and compared with nobody."""
