@@ -130,7 +130,13 @@ class Scenario(BaseModel):
         if abs(self.extent / self.cell_size - self.edge) > 1e-9:
             raise ValueError(f"size {self.size:g} m is no multiple of cell_size {self.cell_size:g} m")
         if not 4 <= self.cell_count <= MAX_CELLS:
-            raise ValueError(f"size {self.size:g} m gives {self.cell_count} cells; keep it from 4 to {MAX_CELLS}")
+            what, also = f"size {self.size:g} m", ""
+            if self.map is not None:
+                what, also = f"a map in a square of {self.size:g} m", ", or set another cell_size"
+            raise ValueError(
+                f"{what} gives {self.edge} × {self.edge} cells of {self.cell_size:g} m; "
+                f"keep it from 4 to {MAX_CELLS} in all{also}"
+            )
         if self.map is not None:
             floor_plan(self.map)
         self._check_physics()
@@ -206,9 +212,9 @@ class Scenario(BaseModel):
         """A scenario of this kind whose trial takes no time and runs all that its trials run."""
         return self.replace(map=None, size=5 * self.cell_size, coverage=1.0)
 
-    def for_pixels(self, resolution: float) -> Self:
-        """Copy whose given map has pixels of this edge [m], where the kind can take them as they are."""
-        return self
+    def for_pixels(self, resolution: float) -> dict[str, float]:
+        """Constants to change for a given map with pixels of this edge [m], where a kind can take them as they are."""
+        return {}
 
     def replace(self, /, **changes: Any) -> Self:
         """Copy of the scenario with some constants changed, validated anew; the size follows the map."""

@@ -138,17 +138,17 @@ class LidarScenario(Scenario):
         """Noise (bearing [rad], range [m]) with which a point in view is observed, for the virtual map."""
         return math.radians(self.bearing_sigma_deg), max(self.range_sigma, 1e-3)
 
-    def for_pixels(self, resolution: float) -> LidarScenario:
-        """Copy whose true map has the pixels' own resolution [m], and whose robot maps in 10 cm or else in pixels.
+    def for_pixels(self, resolution: float) -> dict[str, float]:
+        """Constants that give the true map the pixels' own resolution [m], while the robot maps in 10 cm or in pixels.
 
-        The scenario itself where a cell of the decision grid is no whole number of these.
+        None where a cell of the decision grid is no whole number of these.
         """
         parts = self.cell_size / resolution
         if abs(parts - round(parts)) > 1e-6:
-            return self
+            return {}
         edges = [resolution * share for share in range(1, round(parts) + 1) if round(parts) % share == 0]
         mapped = next((edge for edge in edges if edge >= self.map_resolution - 1e-9), self.map_resolution)
-        return self.replace(resolution=resolution, map_resolution=mapped)
+        return {"resolution": resolution, "map_resolution": mapped}
 
     @property
     def sight_in_words(self) -> str:

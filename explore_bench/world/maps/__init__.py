@@ -58,8 +58,9 @@ def _mapped(scenario: Scenario, name: str, resolution: float | None) -> Scenario
             )
         return scenario.replace(map=_magnified(own[name], round(scenario.cell_size / _plan_cell(scenario))))
     raster = _raster(Path(name), _plan_cell(scenario), resolution)
-    scenario = scenario.for_pixels(raster.resolution)
-    return scenario.replace(map=cells_of(raster, _plan_cell(scenario), scenario.most_plan_cells))
+    constants = scenario.for_pixels(raster.resolution)
+    plan_cell = constants.get(scenario.plan_cell, _plan_cell(scenario))
+    return scenario.replace(map=cells_of(raster, plan_cell, scenario.most_plan_cells), **constants)
 
 
 def _plan_cell(scenario: Scenario) -> float:

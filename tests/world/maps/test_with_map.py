@@ -9,7 +9,7 @@ from explore_bench.trial.seeding import stream
 from explore_bench.world.floor_plan import floor_plan
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.maps import gallery, with_map
-from explore_bench.world.scenarios import PAPER
+from explore_bench.world.scenarios import PAPER, STAGE
 
 ROWS = ("####", "#..#", "#S.#", "####")
 
@@ -139,3 +139,28 @@ def test_the_gallery_has_room_for_all_its_landmarks(name):
 def test_a_resolution_makes_no_sense_for_the_gallery():
     with pytest.raises(RequestError, match="made of cells; leave it out"):
         with_map(PAPER, "loop", 0.5)
+
+
+# Pixels in lidar worlds
+
+
+def ringed(path, edge):
+    """Write a room of this many pixels along each side, with a wall around."""
+    wall = np.zeros((edge, edge), dtype=bool)
+    wall[[0, -1]] = wall[:, [0, -1]] = True
+    np.save(path, wall)
+    return path
+
+
+def test_a_small_map_with_fine_pixels_is_judged_by_its_own_size(tmp_path):
+    """4.5 m in pixels of 5 mm: 20 m of them would be too many."""
+    scenario = with_map(STAGE, ringed(tmp_path / "fine.npy", 900), 0.005)
+    assert (scenario.size, scenario.resolution, scenario.map_resolution) == (6.0, 0.005, pytest.approx(0.1))
+    assert len(scenario.map) == 900
+
+
+def test_a_map_smaller_than_a_cell_is_refused_with_the_fix(tmp_path):
+    path = ringed(tmp_path / "tiny.npy", 20)
+    with pytest.raises(RequestError, match=r"a map in a square of 2 m gives 1 × 1 cells of 2 m; .* another cell_size"):
+        with_map(STAGE, path, 0.05)
+    assert with_map(STAGE.replace(cell_size=0.5, sensor_range=2.0), path, 0.05).size == 1.0
