@@ -36,7 +36,7 @@ MISSING = 4.0
 """Steps that a cell short of the coverage costs while a tour does not reach it."""
 
 GREED = (0.0, 0.5, 1.0, 2.0)
-"""Exponents of the way in what the greedy tours prefer, new cells / steps^g: with each of them an annealing begins."""
+"""Values of g in what the greedy tours prefer, new cells / steps^(g + 1/2): with each of them an annealing begins."""
 
 CHANGES = 60_000
 """Changes that an annealing tries."""
@@ -127,7 +127,7 @@ def steps_of(site: Site, views: NDArray[np.int64]) -> tuple[float, int]:
 
 @jit
 def greedy_tour(site: Site, greed: float) -> NDArray[np.int64]:
-    """Tour that goes again and again to the view of most new cells for its steps to the power of `greed`."""
+    """Tour that goes again and again to the view of most new cells / steps^(greed + 1/2)."""
     seen = np.full(len(site.known), np.inf)
     total = _known_at_start(site, seen)
     pose, steps = site.pose, 0.0
