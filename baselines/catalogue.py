@@ -37,7 +37,7 @@ def _weights() -> dict[str, dict[int, str]]:
 
 
 _PAPER, _SHIPPED = _published(), _weights()
-_TABLE2, _TABLE3, _LAYERS = ("table2",), ("table3",), ("layers",)
+_TABLE2, _TABLE3, _LAYERS, _CELLS = ("table2",), ("table3",), ("layers",), ("cells",)
 _PLANS, _FIGURE16 = ("plans",), ("figure16",)
 _STNN, _GCN, _TRAINER = (
     "baselines.learned.graph_stnn:strategy",
@@ -81,6 +81,7 @@ _learned(
 )
 _learned("gcn-obs", _GCN, "GCN-obs", _TABLE2)
 _learned("gcn-obs-blind", _GCN, "GCN-obs, blind", _TABLE2, parameters={"obstacles": False})
+_learned("graph-stnn-cell", _STNN, "Graph-STNN, entropy of the cell", _CELLS, parameters={"entropy": "cell"})
 for _name, _off in (
     ("no-state", ("state",)),
     ("no-temporal", ("temporal",)),
@@ -89,7 +90,11 @@ for _name, _off in (
     ("no-spatial-state", ("spatial", "state")),
     ("no-spatial-temporal", ("spatial", "temporal")),
 ):
-    _learned(_name, _STNN, f"no {' and '.join(_off)}", _TABLE3, parameters=dict.fromkeys(_off, False))
+    _label, _switches = f"no {' and '.join(_off)}", dict.fromkeys(_off, False)
+    _learned(_name, _STNN, _label, _TABLE3, parameters=_switches)
+    _learned(
+        f"{_name}-cell", _STNN, f"{_label}, entropy of the cell", _CELLS, parameters={**_switches, "entropy": "cell"}
+    )
 _add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=_PLANS)
 _add(
     "entropy-path",
@@ -116,5 +121,15 @@ _add(
     _TABLE2,
     reference=True,
     plans=("t90", "regret", "regret_most"),
+    kinds=("landmark",),
+)
+_add(
+    "clairvoyant-accurate",
+    "baselines.reference.clairvoyant:Clairvoyant",
+    "Clairvoyant, e and η",
+    _TABLE2,
+    parameters={"aim": "accuracy"},
+    reference=True,
+    plans=("trajectory_error", "exploration_efficiency"),
     kinds=("landmark",),
 )

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     )
     from explore_bench.robot.belief import Belief as Belief, FineMap as FineMap, Prediction as Prediction
     from explore_bench.robot.landmark.driver import Driver as Driver, next_command as next_command
+    from explore_bench.robot.landmark.graph import expecting as expecting
     from explore_bench.robot.occupancy import (
         OCCUPIED_ABOVE as OCCUPIED_ABOVE,
         renyi_entropy as renyi_entropy,
@@ -115,6 +116,7 @@ PUBLIC: dict[str, str] = {
     "trace_path": "robot.planning.shortest_paths",
     "Driver": "robot.landmark.driver",
     "next_command": "robot.landmark.driver",
+    "expecting": "robot.landmark.graph",
     "OCCUPIED_ABOVE": "robot.occupancy",
     "shannon_entropy": "robot.occupancy",
     "renyi_entropy": "robot.occupancy",

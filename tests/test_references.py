@@ -11,8 +11,17 @@ import pytest
 from handmade import TINY
 from hypothesis import given, strategies as st
 
+from baselines.reference.accurate import accurate_tour, foreseeing, foretold, objective
 from baselines.reference.bound import least_steps, most_shown
-from baselines.reference.clairvoyant import MOST_CELLS, TOURS, Clairvoyant, planned, site_of, stored
+from baselines.reference.clairvoyant import (
+    MOST_CELLS,
+    TOURS,
+    Clairvoyant,
+    planned,
+    planned_for_accuracy,
+    site_of,
+    stored,
+)
 from baselines.reference.tour import best_tour, greedy_tour, steps_of, straight_toward_all, toward_all
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Grid
@@ -53,9 +62,9 @@ def first_observation(scenario, world):
     return next(event for event in rollout(scenario, world, Quiet(), Quiet()) if isinstance(event, Observation))
 
 
-def drive(scenario, world, noise=None):
+def drive(scenario, world, noise=None, aim="time"):
     """Status, rows and answers of the clairvoyant in a world, without noise unless some is given."""
-    strategy = Clairvoyant()
+    strategy = Clairvoyant(aim)
     strategy.reset_with_world(np.random.default_rng(0), world)
     events, answer, rows, answers = rollout(scenario, world, *(noise or (Quiet(), Quiet()))), None, [], []
     while True:
@@ -272,17 +281,36 @@ def test_stored_tours_take_the_steps_that_they_say(size):
     scenario = PAPER.replace(size=size)
     for number in (0, 49):
         world = world_of(scenario, number, "evaluate")
-        tour, _ = stored()[scenario_digest(scenario), world.digest]
+        tour = stored()[scenario_digest(scenario), world.digest].tour
         site = site_of(first_observation(scenario, world), world)
         assert steps_of(site, tour.views)[0] == tour.steps
 
 
 def test_a_stored_tour_is_what_the_plan_gives():
     world = world_of(PAPER, 7, "evaluate")
-    site = site_of(first_observation(PAPER, world), world)
+    # of a trial: the noise of its first scan is in the belief that an accurate tour is planned with
+    events = rollout(PAPER, world, *streams(PAPER, 7, "evaluate"))
+    observation = next(event for event in events if isinstance(event, Observation))
+    site = site_of(observation, world)
     tour, bound = planned(site, PAPER)
-    kept, kept_bound = stored()[scenario_digest(PAPER), world.digest]
+    kept, kept_bound, accurate = stored()[scenario_digest(PAPER), world.digest]
     assert (tour.views.tolist(), tour.steps, bound) == (kept.views.tolist(), kept.steps, kept_bound)
+    assert planned_for_accuracy(site, observation, world).tolist() == accurate.tolist()
+
+
+@pytest.mark.parametrize("size", [20.0, 30.0, 40.0])
+def test_accurate_tours_are_foretold_to_be_better_than_the_fastest(size):
+    scenario = PAPER.replace(size=size)
+    gains = []
+    for number in range(0, 50, 7):
+        world = world_of(scenario, number, "evaluate")
+        observation = first_observation(scenario, world)
+        site, belief = site_of(observation, world), foreseeing(observation.belief, world)
+        plan_ = stored()[scenario_digest(scenario), world.digest]
+        fast, accurate = (objective(foretold(site, belief, views)) for views in (plan_.tour.views, plan_.accurate))
+        gains.append(fast - accurate)
+    assert min(gains) > -0.02  # of the trial's own first scan, not of this one without noise
+    assert np.mean(gains) > 0.15
 
 
 def fastest():
@@ -310,6 +338,48 @@ def test_the_bound_is_in_the_median_half_of_the_tour():
     assert np.median(shares) >= 0.5
 
 
+# Tours for e and η
+
+
+@pytest.mark.parametrize(("size", "number"), [(20.0, 0), (20.0, 1), (28.0, 2)])
+def test_without_noise_a_trial_has_the_e_and_eta_that_were_foretold(size, number):
+    """The belief is propagated to the very step at which the trial ends, over landmarks not seen before."""
+    scenario = PAPER.replace(size=size)
+    world = world_of(scenario, number)
+    observation = first_observation(scenario, world)
+    site, belief = site_of(observation, world), foreseeing(observation.belief, world)
+    fast, _ = planned(site, scenario)
+    said = foretold(site, belief, fast.views)
+    status, rows, _, notes = drive(scenario, world)
+    assert status is Status.EXPLORED
+    assert (said.time, notes["tour"]) == (rows[-1].step, rows[-1].step)
+    assert said.uncertainty == pytest.approx(rows[-1].uncertainty, rel=1e-5)
+    assert said.peak_trace == pytest.approx(rows[-1].peak_trace, rel=1e-5)
+    views = accurate_tour(site, belief, fast.views, np.random.default_rng(0), 1500)
+    better = foretold(site, belief, views)
+    assert objective(better) < objective(said)
+
+
+def test_a_tour_that_explores_too_little_is_worth_nothing():
+    world = world_of(PAPER)
+    observation = first_observation(PAPER, world)
+    site, belief = site_of(observation, world), foreseeing(observation.belief, world)
+    assert foretold(site, belief, site.views[:0]) is None
+    assert objective(None) == math.inf
+
+
+def test_a_reference_that_plans_for_e_and_eta_fills_their_columns_alone():
+    entry = strategies()["clairvoyant-accurate"]
+    assert entry.reference
+    assert entry.fills("trajectory_error") and entry.fills("exploration_efficiency")
+    assert not entry.fills("t90") and not entry.fills("regret")
+    status, _, _, notes = drive(TINY, world_of(TINY), aim="accuracy")
+    assert status is Status.EXPLORED
+    assert notes == {}  # regret is to the fastest tour
+    with pytest.raises(ValueError, match="there is no aim 'speed'; choose one of 'time', 'accuracy'"):
+        Clairvoyant("speed")
+
+
 # Trials of the clairvoyant
 
 
@@ -330,7 +400,7 @@ def test_it_is_a_reference_that_plans_for_the_time_alone():
 def test_a_trial_keeps_what_it_says_of_the_world():
     result = run_trial(spec_of(3))
     assert result.status is Status.EXPLORED
-    tour, bound = stored()[scenario_digest(PAPER), result.world.digest]
+    tour, bound, _ = stored()[scenario_digest(PAPER), result.world.digest]
     assert result.notes == {"tour": tour.steps, "bound": bound}
     assert run_trial(TrialSpec("nearest", "baselines.nearest:Nearest", TINY, 0)).notes == {}
 

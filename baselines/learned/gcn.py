@@ -24,16 +24,17 @@ class GCN(nn.Module):
     Parameters
     ----------
     obstacles : whether obstacles are nodes of the graph (GCN-obs) or not (GCN-no_obs).
+    channels : width of the convolutions.
     """
 
     columns = CHEN_2020
 
-    def __init__(self, obstacles: bool = True) -> None:
+    def __init__(self, obstacles: bool = True, channels: int = CHANNELS) -> None:
         super().__init__()
         self.switches = {"obstacles": obstacles}
-        self.first = GraphConvolution(len(self.columns), CHANNELS, bias=True)
-        self.second = GraphConvolution(CHANNELS, CHANNELS, bias=True)
-        self.value = nn.Linear(CHANNELS, 1)
+        self.first = GraphConvolution(len(self.columns), channels, bias=True)
+        self.second = GraphConvolution(channels, channels, bias=True)
+        self.value = nn.Linear(channels, 1)
 
     collate = staticmethod(GraphBatch.of)
 
@@ -53,6 +54,6 @@ class GCN(nn.Module):
         return batch.masked(self.value(values).squeeze(-1)), hidden
 
 
-def strategy(weights: str, obstacles: bool = True) -> Policy:
+def strategy(weights: str, obstacles: bool = True, channels: int = CHANNELS) -> Policy:
     """[8]'s network with trained weights."""
-    return Policy(GCN(obstacles), weights)
+    return Policy(GCN(obstacles, channels), weights)

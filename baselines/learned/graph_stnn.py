@@ -22,7 +22,6 @@ from explore_bench import Observation
 
 CHANNELS = 64
 TCN_LAYERS, TCN_KERNEL = 3, 3
-HEAD_CHANNELS = 64
 LAYERS = (1, 2, 3)
 HEADS = ("caption", "text")
 DISTANCES = ("straight", "path")
@@ -41,6 +40,7 @@ class GraphSTNN(nn.Module):
         of Fig. 3, or spatial and temporal ones as in the text of §3.3.3.
     distance : what d of Eq. 4 is for a candidate: the straight distance, or the length of the planned path.
     entropy : what H_γ of Eq. 5 is: summed over the cells in view of a node, or that of its own cell.
+    channels : width of every encoder and of the head.
 
     Raises
     ------
@@ -57,6 +57,7 @@ class GraphSTNN(nn.Module):
         head: Literal["caption", "text"] = "caption",
         distance: Literal["straight", "path"] = "straight",
         entropy: Literal["view", "cell"] = "view",
+        channels: int = CHANNELS,
     ) -> None:
         super().__init__()
         switches = (
@@ -72,16 +73,17 @@ class GraphSTNN(nn.Module):
         if head == "text" and not spatial:
             raise ValueError("head 'text' tells candidates apart by their spatial features alone; set spatial=True")
         self.switches = {"spatial": spatial, "temporal": temporal, "state": state, "layers": layers, "head": head}
-        self.embed = nn.Linear(len(self.columns), CHANNELS)
-        self.spatial = SpatialEncoder(CHANNELS, layers) if spatial else None
-        of_node = CHANNELS * (1 + spatial)
-        self.temporal = TemporalEncoder(of_node, CHANNELS, TCN_LAYERS, TCN_KERNEL) if temporal else None
-        pooled = of_node + CHANNELS * temporal
-        self.state = StateEncoder(pooled, CHANNELS) if state else None
-        of_candidate = of_node if head == "caption" else CHANNELS * (spatial + temporal)
-        self.inputs = (CHANNELS if state else pooled) + of_candidate
-        self.noisy = NoisyLinear(self.inputs, HEAD_CHANNELS)
-        self.value = nn.Linear(HEAD_CHANNELS, 1)
+        self.channels = channels
+        self.embed = nn.Linear(len(self.columns), channels)
+        self.spatial = SpatialEncoder(channels, layers) if spatial else None
+        of_node = channels * (1 + spatial)
+        self.temporal = TemporalEncoder(of_node, channels, TCN_LAYERS, TCN_KERNEL) if temporal else None
+        pooled = of_node + channels * temporal
+        self.state = StateEncoder(pooled, channels) if state else None
+        of_candidate = of_node if head == "caption" else channels * (spatial + temporal)
+        self.inputs = (channels if state else pooled) + of_candidate
+        self.noisy = NoisyLinear(self.inputs, channels)
+        self.value = nn.Linear(channels, 1)
 
     collate = staticmethod(GraphBatch.of)
 
@@ -91,7 +93,7 @@ class GraphSTNN(nn.Module):
 
     def start(self, count: int) -> Tensor:
         """Hidden state at the beginning of some episodes, shape (2, B, F)."""
-        return torch.zeros(2, count, CHANNELS)
+        return torch.zeros(2, count, self.channels)
 
     def forward(self, batch: GraphBatch, hidden: Tensor, noise: Noise | None = None) -> tuple[Tensor, Tensor]:
         """Values of the candidates (B, C), −∞ where padded, and the next hidden state (2, B, F)."""
@@ -130,7 +132,7 @@ class GraphSTNN(nn.Module):
 
     def noise(self, rngs: list, rate: float) -> Noise:
         """Exploration noise for one episode of each generator."""
-        return Noise.draw(rngs, self.inputs, HEAD_CHANNELS, rate)
+        return Noise.draw(rngs, self.inputs, self.channels, rate)
 
 
 def strategy(weights: str, **switches: Any) -> Policy:

@@ -120,9 +120,23 @@ def best_tour(site: Site, rng: np.random.Generator, changes: int = CHANGES) -> T
 @jit
 def steps_of(site: Site, views: NDArray[np.int64]) -> tuple[float, int]:
     """Steps of a tour until enough is known, or to its end, and the counted cells known then."""
+    return end_of(site, views)[:2]
+
+
+@jit
+def end_of(site: Site, views: NDArray[np.int64]) -> tuple[float, int, Pose]:
+    """Steps and counted cells likewise, and the pose then."""
     seen = np.full(len(site.known), np.inf)
     total = _known_at_start(site, seen)
-    return _walk(site, views, 0, site.pose, 0.0, total, seen, np.inf, _no_marks(len(views)))[:2]
+    return _walk(site, views, 0, site.pose, 0.0, total, seen, np.inf, _no_marks(len(views)))[:3]
+
+
+@jit
+def changed(site: Site, views: NDArray[np.int64], draw: Array) -> NDArray[np.int64]:
+    """Views of a tour changed as `draw`, five uniform numbers in [0, 1), says; empty where that changes nothing."""
+    other = np.empty(len(views) + 1, dtype=np.int64)
+    length, _ = _changed(site, views, len(views), draw, other)
+    return other[:length]
 
 
 @jit

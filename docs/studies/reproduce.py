@@ -1,4 +1,4 @@
-"""Do the trials of a suite come out as a table of them says? Integers and words must be equal, other numbers to 1e-9.
+"""Do the trials of a suite come out as a table of them says? All must be equal, numbers but for their last digit.
 
     python docs/studies/reproduce.py                    all of results/trials.csv, in half an hour of processor time
     python docs/studies/reproduce.py --trials 1         the first world of every size
@@ -18,9 +18,10 @@ import pandas as pd
 
 import explore_bench
 from explore_bench.analysis.csv_files import KEYS, read_csv
+from explore_bench.analysis.rounding import ROUNDING
 
-TOLERANCE = 1e-9
-"""Relative difference that counts as none: the last digits are those of a machine's own arithmetic."""
+TOLERANCE = ROUNDING
+"""Relative difference that counts as none: the last digit of a table may be rounded the other way."""
 
 SHOWN = 20
 

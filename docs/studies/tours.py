@@ -1,4 +1,4 @@
-"""Plan the tours of the benchmark's worlds, which `clairvoyant` drives and regret is measured by.
+"""Plan the tours of the benchmark's worlds, which the references drive and regret is measured by.
 
     python docs/studies/tours.py [--workers N] [--sizes 20 30 40] [--worlds N]
 
@@ -13,7 +13,7 @@ import argparse
 import pandas as pd
 from joblib import Parallel, delayed
 
-from baselines.reference.clairvoyant import COLUMNS, TOURS, planned, site_of
+from baselines.reference.clairvoyant import COLUMNS, TOURS, planned, planned_for_accuracy, site_of
 from explore_bench import PAPER, Observation, draw_world, rollout, scenario_digest, stream
 from explore_bench.runs.suites import SUITES
 
@@ -24,9 +24,11 @@ def row(size: float, trial: int) -> dict[str, object]:
     drawn, motion, sensor = (stream("evaluate", 0, size, trial, role) for role in ("world", "motion", "sensor"))
     world = draw_world(scenario, drawn)
     observation = next(event for event in rollout(scenario, world, motion, sensor) if isinstance(event, Observation))
-    tour, bound = planned(site_of(observation, world), scenario)
-    views = " ".join(map(str, tour.views.tolist()))
-    values = scenario_digest(scenario), world.digest, f"{size:g}", trial, bound, f"{tour.steps:g}", views
+    site = site_of(observation, world)
+    tour, bound = planned(site, scenario)
+    accurate = planned_for_accuracy(site, observation, world, tour)
+    views = (" ".join(map(str, way.tolist())) for way in (tour.views, accurate))
+    values = scenario_digest(scenario), world.digest, f"{size:g}", trial, bound, f"{tour.steps:g}", *views
     return dict(zip(COLUMNS, values, strict=True))
 
 

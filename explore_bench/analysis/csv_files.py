@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
+from explore_bench.analysis.rounding import significant
 from explore_bench.errors import RequestError
 
 KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
@@ -40,9 +42,11 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def plain(value: Any) -> Any:
-    """Nested values as JSON knows them: tuples as lists, numbers that are not finite as None."""
+    """Nested values as JSON knows them: tuples as lists, numbers rounded, those that are not finite as None."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float):
+        return float(significant(np.array(value))) if math.isfinite(value) else None
+    return value

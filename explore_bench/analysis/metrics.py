@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from explore_bench.analysis.rounding import significant
 from explore_bench.trial import error_and_efficiency
 from explore_bench.trial.error_and_efficiency import Score
 from explore_bench.trial.spec import Status
@@ -54,18 +55,23 @@ def broken_off(record: TrialRecord) -> bool:
     return record.status in (Status.FAILED.value, Status.STUCK.value)
 
 
-def score(record: TrialRecord) -> Score:
-    """Score of a trial, by the rule for trials that did not explore where it did not."""
+def score(record: TrialRecord, traces: str = "peak_trace") -> Score:
+    """Score of a trial, by the rule for trials that did not explore where it did not; its traces are a column's."""
     steps = record.steps
     if not len(steps["step"]):
         return error_and_efficiency.score(record.status, 0, None, 0.0, record.spec.scenario)
-    last = int(steps["step"][-1]), float(steps["uncertainty"][-1]), float(steps["peak_trace"][-1])
+    last = int(steps["step"][-1]), float(steps["uncertainty"][-1]), float(steps[traces][-1])
     return error_and_efficiency.score(record.status, *last, record.spec.scenario)
 
 
 def trajectory_error(record: TrialRecord) -> float:
     """Eq. 3: e = n_a / n_g · √(max tr Σ)."""
     return score(record).trajectory_error
+
+
+def position_error(record: TrialRecord) -> float:
+    """Eq. 3 of positions alone: n_a / n_g · √(max tr Σ) with the 2 × 2 covariances [m²]: nothing is added in rad²."""
+    return score(record, "peak_position_trace").trajectory_error
 
 
 def exploration_efficiency(record: TrialRecord) -> float:
@@ -147,6 +153,7 @@ METRICS: dict[str, Metric] = {
     "trajectory_error": Metric("e", "m", "lower", "n_a / n_g · √(max tr Σ_v, v ∈ V_p) (Eq. 3)", trajectory_error),
     "exploration_efficiency": Metric("η", "m²/step", "higher", "(U₀ − U_T) / T (Eq. 2)", exploration_efficiency),
     "uncertainty_reduction": Metric("ΔU", "m²", "higher", "U₀ − U_T, U = Σ tr Σ_v (Eq. 1)", uncertainty_reduction),
+    "position_error": Metric("e, position", "m", "lower", "Eq. 3 of 2 × 2 covariances", position_error),
     "path_length": Metric("L", "m", "lower", "Σ length of the straight commands", last("path_length")),
     "decisions": Metric("D", "1", None, "decisions made", last("decisions")),
     "explored": Metric("c", "1", "higher", "known share of the map at the end", explored),
@@ -235,4 +242,4 @@ def curve(record: TrialRecord, name: str, length: int) -> Array:
     result[:kept] = values[:kept]
     if name != "explored" and length:
         result[0] = math.nan
-    return result
+    return significant(result)

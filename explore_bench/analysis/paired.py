@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from explore_bench.analysis.rounding import ROUNDING
 from explore_bench.analysis.statistics import (
     Estimate,
     effect_size,
@@ -26,9 +27,6 @@ from explore_bench.analysis.statistics import (
     sign_flip_p,
     win_tie_loss,
 )
-
-ROUNDING = 1e-9
-"""Values that differ by less than this share of them are tied: another machine may round them the other way."""
 
 
 @dataclass(frozen=True, eq=False)

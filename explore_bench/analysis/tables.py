@@ -11,6 +11,7 @@ import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS
 from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of, regret
+from explore_bench.analysis.rounding import rounded
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -54,7 +55,8 @@ WORLD_COLUMNS = ("scenario", "size", "trial", "world")
 def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     """One row a trial, ordered by strategy, training seed, size and trial.
 
-    The columns are TRIAL_COLUMNS and the metrics of the kinds of world that the trials are of.
+    The columns are TRIAL_COLUMNS and the metrics of the kinds of world that the trials are of. Numbers are `rounded`,
+    so that whatever follows from them is the same on another machine.
 
     Names of strategies are kept as they were when the trial ran; regret is to what the reference said of the world.
 
@@ -91,7 +93,7 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
         )
     columns = [*TRIAL_COLUMNS, *dict.fromkeys(name for metrics in own.values() for name in metrics)]
     table = pd.DataFrame(rows, columns=columns).astype({"training_seed": "Int64", "size": float})
-    return table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first")
+    return rounded(table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first"))
 
 
 def own_metrics(trials: pd.DataFrame) -> list[str]:
@@ -113,7 +115,7 @@ def world_table(records: Iterable[TrialRecord]) -> pd.DataFrame:
         key = spec.scenario_name, spec.scenario.size, spec.trial, record.world.digest
         if facts is not None and key not in rows:
             rows[key] = {**dict(zip(WORLD_COLUMNS, key, strict=True)), **facts(record)}
-    return pd.DataFrame([rows[key] for key in sorted(rows)], columns=None if rows else list(WORLD_COLUMNS))
+    return rounded(pd.DataFrame([rows[key] for key in sorted(rows)], columns=None if rows else list(WORLD_COLUMNS)))
 
 
 def refuse_shared_names(specs: Iterable[TrialSpec]) -> None:
@@ -210,4 +212,4 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
                             "seed_high": max(of_seeds, default=math.nan),
                         }
                     )
-    return pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))
+    return rounded(pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS)))

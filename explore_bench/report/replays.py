@@ -17,7 +17,7 @@ from explore_bench.analysis.metrics import curve, exploration_efficiency
 from explore_bench.records.encoding import Replay, TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.fine_replays import add_fine
-from explore_bench.report.packing import AXIS_LEVELS, Columns, pack
+from explore_bench.report.packing import AXIS_LEVELS, SCALES, Columns, pack
 from explore_bench.trial.snapshot import FREE, OCCUPIED, UNKNOWN, unpack_ellipses, unpack_map
 from explore_bench.world.scenario import Scenario
 
@@ -141,9 +141,11 @@ def _add_decisions(columns: Columns, replay: Replay, scenario: Scenario) -> None
 def _add_ellipses(columns: Columns, prefix: str, xx: Any, xy: Any, yy: Any, lag: int = 0) -> None:
     """Add half axes and angles of the 1-σ ellipses of covariances."""
     mean, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    columns.add(f"{prefix}major", np.sqrt(np.maximum(mean + radius, 0.0)), lag)
-    columns.add(f"{prefix}minor", np.sqrt(np.maximum(mean - radius, 0.0)), lag)
-    columns.add(f"{prefix}angle", 0.5 * np.arctan2(2 * xy, xx - yy) % np.pi, lag)
+    major, minor = np.sqrt(np.maximum(mean + radius, 0.0)), np.sqrt(np.maximum(mean - radius, 0.0))
+    round_ = major - minor < SCALES[f"{prefix}major"]  # whose angle would be noise
+    columns.add(f"{prefix}major", major, lag)
+    columns.add(f"{prefix}minor", minor, lag)
+    columns.add(f"{prefix}angle", np.where(round_, 0.0, 0.5 * np.arctan2(2 * xy, xx - yy) % np.pi), lag)
 
 
 def _classes(one: bytes, scenario: Scenario) -> np.ndarray:

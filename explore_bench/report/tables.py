@@ -27,6 +27,7 @@ PAPER_TABLES = {
 PAPER_METRICS = ("trajectory_error", "exploration_efficiency")
 PAIRED_METRICS = (*PAPER_METRICS, "t90")
 DETAIL_METRICS = (
+    "position_error",
     "decisions",
     "path_length",
     "t50",

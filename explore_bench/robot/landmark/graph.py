@@ -5,7 +5,7 @@ J. Wang, B. Englot, "Autonomous exploration with expectation-maximization", ISRR
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose, compose
-from explore_bench.robot.belief import Belief, peak_traces
+from explore_bench.robot.belief import Belief, freeze, peak_traces
 from explore_bench.robot.landmark.block_arrow import Elimination, eliminate, invert_corner, recover
 from explore_bench.robot.landmark.driver import Driver
 from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
@@ -27,6 +27,9 @@ from explore_bench.robot.virtual_map import (
 )
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.scenario import Scenario
+
+NOTHING_KNOWN = 1e-6
+"""Information [1/m²] about a landmark that is expected: a standard deviation of a kilometre."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,43 @@ class LandmarkGraph:
     def view(self, scenario: Scenario, places: Array) -> NDArray[np.bool_]:
         """Cells whose centre lies within the sensor's range of places [m], shape (K, 2); gives (K, n_g)."""
         return scenario.grid.in_reach(places, scenario.sensor_range)
+
+
+def expecting(belief: Belief, landmarks: Array) -> Belief:
+    """Belief that expects further landmarks at given places [m], shape (K, 2), with nothing known of where they are.
+
+    Its `predict` says what a way would bring in a world that is known: the first sighting of such a landmark makes it
+    known as in a trial. Their ids are −1.
+
+    Raises
+    ------
+    ValueError : where the belief is that of another kind of world.
+    """
+    graph = belief.graph
+    if not isinstance(graph, LandmarkGraph):
+        raise ValueError(f"a belief of kind '{belief.scenario.kind}' expects no landmarks; give one of kind 'landmark'")
+    more, done = len(landmarks), graph.elimination
+    size = len(done.corner)
+    corner = np.zeros((size + 2 * more, size + 2 * more))
+    corner[:size, :size] = done.corner
+    corner[range(size, len(corner)), range(size, len(corner))] = NOTHING_KNOWN
+    covariance = np.zeros_like(corner)
+    covariance[:size, :size] = done.corner_covariance
+    covariance[range(size, len(corner)), range(size, len(corner))] = 1.0 / NOTHING_KNOWN
+    borders = np.zeros((len(done.borders), 3, size - 3 + 2 * more))
+    borders[:, :, : size - 3] = done.borders[:, :, : size - 3]
+    elimination = replace(done, corner=corner, corner_covariance=covariance, borders=borders)
+    expected = replace(
+        belief,
+        landmarks=np.concatenate((belief.landmarks, landmarks)),
+        landmark_covariances=np.concatenate(
+            (belief.landmark_covariances, np.tile(np.eye(2) / NOTHING_KNOWN, (more, 1, 1)))
+        ),
+        landmark_ids=np.concatenate((belief.landmark_ids, np.full(more, -1))),
+        graph=replace(graph, elimination=elimination),
+    )
+    freeze(expected)
+    return expected
 
 
 def _physics(belief: Belief) -> LandmarkScenario:

@@ -1,0 +1,145 @@
+"""The same search of hyper-parameters for the paper's network and both of [8]: 20 configurations each.
+
+    python docs/studies/search.py [--out FOLDER] [--workers N]
+
+A configuration is a width, a dropout, γ, a rate and a length; the first is the shipped one, the others are one Latin
+hypercube, the same for all three. Each is trained with one seed and judged by its best validation, on the worlds that
+choose the weights of every training; no world of the benchmark is seen. Trainings resume from FOLDER. Writes search.csv
+beside this file; docs/learning.md tells what came of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import joblib
+import pandas as pd
+from scipy.stats import qmc
+
+from baselines.learned import gcn, graph_stnn
+from baselines.learned.checkpoint import read_card
+from baselines.training import train
+from explore_bench.strategies.entry import parse_factory
+from explore_bench.strategies.registry import strategies
+
+NAMES = ("graph-stnn", "gcn-obs", "gcn-no-obs")
+COUNT = 20
+ROOT = 2021
+WIDTHS = (32, 64, 128)
+DROPOUTS = (0.0, 0.1, 0.2, 0.3, 0.5)
+DISCOUNTS = (0.8, 0.9, 0.95, 0.99)
+RATES = (1e-4, 8e-3)
+LENGTHS = (1500, 3000, 4500)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What the search varies.
+
+    Attributes
+    ----------
+    width : channels of the network.
+    dropout : share of channels dropped: at the start (Graph-STNN), in the loss (GCN).
+    discount : γ.
+    rate : step size of Adam at the start; it falls to the same share of it as with the shipped settings.
+    episodes : length; what falls with time falls over the same share of it as with the shipped settings.
+    """
+
+    width: int
+    dropout: float
+    discount: float
+    rate: float
+    episodes: int
+
+
+def shipped(name: str) -> Configuration:
+    """Return the configuration with which a strategy's weights were made."""
+    recipe = _recipe(name)
+    settings: Any = recipe.settings
+    width = graph_stnn.CHANNELS if recipe.network is graph_stnn.GraphSTNN else gcn.CHANNELS
+    return Configuration(width, settings.dropout, settings.discount, settings.rate, recipe.episodes)
+
+
+def drawn() -> list[Configuration]:
+    """Draw all but the shipped configuration: one Latin hypercube, rates evenly in their logarithm."""
+
+    def pick(values: tuple, share: float) -> Any:
+        return values[int(share * len(values))]
+
+    low, high = map(math.log, RATES)
+    return [
+        Configuration(
+            width=pick(WIDTHS, shares[0]),
+            dropout=pick(DROPOUTS, shares[1]),
+            discount=pick(DISCOUNTS, shares[2]),
+            rate=float(f"{math.exp(low + shares[3] * (high - low)):.2g}"),
+            episodes=pick(LENGTHS, shares[4]),
+        )
+        for shares in qmc.LatinHypercube(5, rng=ROOT).random(COUNT - 1)
+    ]
+
+
+def recipe_of(name: str, configuration: Configuration) -> train.Recipe:
+    """Turn the recipe of a strategy into that of a configuration."""
+    recipe = _recipe(name)
+    settings: Any = recipe.settings
+    wanted = replace(
+        settings,
+        dropout=configuration.dropout,
+        discount=configuration.discount,
+        rate=configuration.rate,
+        final_rate=configuration.rate * settings.final_rate / settings.rate,
+        decay=round(settings.decay * configuration.episodes / recipe.episodes),
+    )
+    network: Callable[..., Any] = partial(recipe.network, channels=configuration.width)
+    return replace(recipe, network=network, settings=wanted, episodes=configuration.episodes)
+
+
+def _recipe(name: str) -> train.Recipe:
+    return train.RECIPES[parse_factory(strategies()[name].factory)[0]]
+
+
+def tried(name: str, number: int, configuration: Configuration, out: Path) -> dict[str, object]:
+    """Train a configuration and say what its best validation was."""
+    entry = replace(strategies()[name], factory="search:none")
+    train.RECIPES["search"] = recipe_of(name, configuration)
+    path = train.train(name, entry, 0, None, True, out / f"{name}-{number:02d}", lambda line: None)
+    card = read_card(path)
+    validation = card["validation"]
+    row = {"strategy": name, "configuration": number, **asdict(configuration), "best_after": card["episodes"]}
+    print(row, validation["objective"], flush=True)
+    return row | {
+        "objective": validation["objective"],
+        "T": validation["time"],
+        "η": validation["exploration_efficiency"],
+        "e": validation["trajectory_error"],
+    }
+
+
+def main() -> None:
+    """Train all configurations, the longest first, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("results/search"))
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args()
+    jobs = [
+        (name, number, configuration)
+        for name in NAMES
+        for number, configuration in enumerate([shipped(name), *drawn()])
+    ]
+    jobs.sort(key=lambda job: -job[2].episodes * job[2].width)
+    rows = joblib.Parallel(n_jobs=asked.workers, batch_size=1)(joblib.delayed(tried)(*job, asked.out) for job in jobs)
+    table = pd.DataFrame(rows).sort_values(["strategy", "objective"])
+    path = Path(__file__).with_name("search.csv")
+    table.to_csv(path, index=False, float_format="%.4g")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
