@@ -492,7 +492,7 @@ def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained)
     monkeypatch.setattr(runner, "run_here", lambda *_: pytest.fail("a trial was run"))
     code, out, err = call(*smoke, "--trials", 2, "--dry-run")
     assert (code, err) == (0, "")
-    assert "14 trials, 0 stored, 14 to do" in out
+    assert "16 trials, 0 stored, 16 to do" in out
     assert "not trained: graph-stnn" in out
     assert not (tmp_path / "results").exists()
 
@@ -791,7 +791,7 @@ def test_figure_16_runs_on_the_constants_of_its_scenario(call, refused, tmp_path
 
 def test_a_run_says_what_is_not_for_its_kind_of_world(call, refused, tmp_path):
     dry = ("--dry-run", "--results", tmp_path / "own")
-    assert "not for this kind of world: clairvoyant\n" in call("run", "stage", *dry)[1]
+    assert "not for this kind of world: clairvoyant, clairvoyant-accurate\n" in call("run", "stage", *dry)[1]
     assert "not for" not in call("run", "smoke", *dry)[1]
     assert "'clairvoyant' runs in worlds of kind landmark, not 'lidar'; leave it out" in refused(
         "run", "stage", "-s", "clairvoyant", *dry

@@ -276,6 +276,7 @@ def test_every_learned_strategy_can_be_trained(tmp_path, name):
     run = training.Training(name, STRATEGIES[name], 3, tmp_path)
     wanted = dict(STRATEGIES[name].parameters)
     assert ("path_length" in run.network.columns) == (wanted.pop("distance", "straight") == "path")
+    assert ("cell_shannon" in run.network.columns) == (wanted.pop("entropy", "view") == "cell")
     assert run.network.switches.items() >= wanted.items()
     scales = (1.0, 1.2) if name == "belief-attention" else (1.0,)
     assert run.course == Course(SMALL.replace(**STRATEGIES[name].training), "train", 3, scales=scales)

@@ -505,7 +505,7 @@ CHESS = ["chess clairvoyant", "chess nearest", "chess public"]
 STALE = {
     # of one kind
     "explore_bench/robot/landmark/smoother.py": LANDMARK,
-    "explore_bench/robot/landmark/graph.py": LANDMARK,
+    "explore_bench/robot/landmark/graph.py": ["chess clairvoyant", *LANDMARK],  # which expects landmarks
     "explore_bench/trial/landmark/explorer.py": LANDMARK,
     "explore_bench/trial/landmark/step.py": LANDMARK,
     "explore_bench/world/landmark/motion.py": LANDMARK,
@@ -516,7 +516,10 @@ STALE = {
     "explore_bench/trial/run.py": CHESS + LANDMARK,
     "explore_bench/world/scenario.py": CHESS + LANDMARK,
     # of one strategy
-    "explore_bench/trial/error_and_efficiency.py": ["chess public", "landmark public"],
+    "explore_bench/trial/error_and_efficiency.py": [
+        *("chess clairvoyant", "chess public"),
+        *("landmark clairvoyant", "landmark public"),
+    ],
     "baselines/reference/clairvoyant.py": ["chess clairvoyant", "landmark clairvoyant"],
     "public.py": ["chess public", "landmark public"],
     # of none
