@@ -4,8 +4,8 @@
 
 A configuration is a width, a dropout, γ, a rate and a length; the first is the shipped one, the others are one Latin
 hypercube, the same for all three. Each is trained with one seed and judged by its best validation, on the worlds that
-choose the weights of every training; no world of the benchmark is seen. Trainings resume from FOLDER. Writes search.csv
-beside this file; docs/learning.md tells what came of it.
+choose the weights of every training; no world of the benchmark is seen. Trainings resume from FOLDER; all of them take
+some hours of a core. Writes search.csv beside this file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The CSV files of a results folder: the columns that name a trial, reading one, and values as JSON knows them."""
+"""The CSV files of a results folder: the columns that name a trial, how one is read and written; values as in JSON."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pandas.api.types import is_numeric_dtype
 
 from explore_bench.analysis.rounding import significant
 from explore_bench.errors import RequestError
+from explore_bench.files import write_whole
 
 KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
 """Columns that name a trial."""
@@ -39,6 +40,16 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     if worded:
         raise RequestError(f"'{path}' has something else than numbers in '{worded[0]}'; delete it and run again.")
     return table
+
+
+def write_table(table: pd.DataFrame, path: Path) -> Path:
+    """Write one of these tables, whole or not at all, and return its path.
+
+    Raises
+    ------
+    RequestError : where it cannot be written.
+    """
+    return write_whole(path, table.to_csv(index=False, lineterminator="\n"))
 
 
 def plain(value: Any) -> Any:

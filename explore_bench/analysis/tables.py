@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from explore_bench.analysis.csv_files import KEYS
+from explore_bench.analysis.csv_files import KEYS, write_table
 from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of, regret
 from explore_bench.analysis.rounding import rounded
 from explore_bench.analysis.statistics import mean_interval
-from explore_bench.errors import RequestError, writing
+from explore_bench.errors import RequestError
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import weights_digest
 from explore_bench.records.store import Store
@@ -141,9 +141,7 @@ def refuse_shared_names(specs: Iterable[TrialSpec]) -> None:
 def write_trials(store: Store) -> pd.DataFrame:
     """Write `trials.csv` from the current records of a folder and return its rows."""
     table = trial_table(store.records()[0])
-    path = store.folder / "trials.csv"
-    with writing(path):
-        table.to_csv(path, index=False, lineterminator="\n")
+    write_table(table, store.folder / "trials.csv")
     return table
 
 

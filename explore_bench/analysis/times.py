@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS, read_csv
-from explore_bench.errors import writing
+from explore_bench.errors import RequestError
+from explore_bench.files import write_whole
 from explore_bench.trial.spec import Outcome, TrialSpec
 from explore_bench.world.scenario import Scenario
 
@@ -45,14 +46,11 @@ def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
 
 
 def read_times(folder: Path) -> pd.DataFrame | None:
-    """Rows of `times.csv`; None where there is no such file.
-
-    Raises
-    ------
-    RequestError : where it is no such table.
-    """
-    path = folder / "times.csv"
-    return read_csv(path, TIME_COLUMNS) if path.is_file() else None
+    """Rows of `times.csv`; None where there is no such file, or it is no such table: no trial depends on it."""
+    try:
+        return read_csv(folder / "times.csv", TIME_COLUMNS)
+    except RequestError:
+        return None
 
 
 def write_time_rows(folder: Path, tables: Iterable[pd.DataFrame | None]) -> None:
@@ -60,17 +58,14 @@ def write_time_rows(folder: Path, tables: Iterable[pd.DataFrame | None]) -> None
     found = [table for table in tables if table is not None]
     if not found:
         return
-    path = folder / "times.csv"
-    with writing(path):
-        pd.concat(found).drop_duplicates(KEYS, keep="last").sort_values(KEYS).to_csv(
-            path, index=False, float_format="%.6g", lineterminator="\n"
-        )
+    table = pd.concat(found).drop_duplicates(KEYS, keep="last").sort_values(KEYS)
+    write_whole(folder / "times.csv", table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
 
 
 def expected_seconds(folder: Path, specs: Sequence[TrialSpec]) -> float:
     """Processor time [s] that trials will need, from `times.csv` where it knows the like, else from their size."""
-    path = folder / "times.csv"
-    known: Any = read_csv(path, TIME_COLUMNS).groupby(["strategy", "size"])["seconds"].mean() if path.is_file() else {}
+    times = read_times(folder)
+    known: Any = {} if times is None else times.groupby(["strategy", "size"])["seconds"].mean()
     return sum(float(known.get((spec.strategy, spec.scenario.size), _usual_seconds(spec.scenario))) for spec in specs)
 
 

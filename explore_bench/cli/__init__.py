@@ -19,6 +19,7 @@ from explore_bench.cli.report import report
 from explore_bench.cli.run import run
 from explore_bench.cli.train import train
 from explore_bench.errors import RequestError
+from explore_bench.sentences import one_line
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -28,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         code = cli.main(args=arguments or ["--help"], prog_name="explore-bench", standalone_mode=False) or DONE
     except click.ClickException as error:
-        code = _complain(error.format_message().replace("\n", " "))
+        code = _complain(error.format_message())
     except RequestError as error:
         code = _complain(str(error))
     except (click.Abort, KeyboardInterrupt):
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _complain(sentence: str) -> int:
-    print(f"explore-bench: {sentence}", file=sys.stderr)
+    print(f"explore-bench: {one_line(sentence)}", file=sys.stderr)
     return WRONG
 
 

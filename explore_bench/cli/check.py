@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from explore_bench.cli.options import DONE, NO, json_option
-from explore_bench.errors import writing
+from explore_bench.files import write_whole
 
 
 @click.command()
@@ -38,6 +38,5 @@ def check(strategy: str, timeout: float, file: Path | None) -> int:
     click.echo(f"{strategy}: {verdict} ({time.perf_counter() - begin:.1f} s)")
     if file is not None:
         values = {"strategy": strategy, "ok": not broken, "findings": [asdict(finding) for finding in found]}
-        with writing(file):
-            file.write_text(json.dumps(values, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_whole(file, json.dumps(values, indent=1, ensure_ascii=False) + "\n")
     return NO if broken else DONE

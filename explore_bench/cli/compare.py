@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from explore_bench.cli.options import DONE, json_option
-from explore_bench.errors import writing
+from explore_bench.files import write_whole
 
 
 @click.command()
@@ -23,6 +23,5 @@ def compare(a: Path, b: Path, file: Path | None) -> int:
     found = compare_folders(a, b)
     click.echo(comparison_table(found).markdown(), nl=False)
     if file is not None:
-        with writing(file):
-            file.write_text(json.dumps(found.values(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_whole(file, json.dumps(found.values(), indent=1, ensure_ascii=False) + "\n")
     return DONE

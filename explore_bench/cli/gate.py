@@ -10,6 +10,7 @@ import click
 
 from explore_bench.cli.options import DONE, INCOMPLETE, NO, json_option, results_option
 from explore_bench.errors import RequestError, writing
+from explore_bench.files import write_whole
 
 
 @click.command()
@@ -49,8 +50,7 @@ def gate(
     table = gate_table(found, results, reference).markdown()
     click.echo(table, nl=False)
     if file is not None:
-        with writing(file):
-            file.write_text(json.dumps(found.values(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_whole(file, json.dumps(found.values(), indent=1, ensure_ascii=False) + "\n")
     _summarize(table, summary)
     return {Verdict.REGRESSED: NO, Verdict.MISSING: INCOMPLETE}.get(found.verdict, DONE)
 
@@ -58,8 +58,7 @@ def gate(
 def _summarize(table: str, file: Path | None) -> None:
     """Write the table to a file, and add it to the one that GitHub Actions names."""
     if file is not None:
-        with writing(file):
-            file.write_text(table, encoding="utf-8")
+        write_whole(file, table)
     step = os.environ.get("GITHUB_STEP_SUMMARY")
     if step:
         with writing(Path(step)), Path(step).open("a", encoding="utf-8") as stream:

@@ -6,13 +6,14 @@ or nothing was measured; 130 interrupted.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from explore_bench.errors import RequestError
+from explore_bench.sentences import one_line
 
 if TYPE_CHECKING:
     from explore_bench.world.scenario import Scenario
@@ -32,6 +33,14 @@ root_option = click.option(
 json_option = click.option(
     "--json", "file", type=click.Path(path_type=Path), metavar="FILE", help="Write the numbers as JSON, too."
 )
+
+
+def tell_damaged(shards: Sequence[Path]) -> None:
+    """Name the shards that were damaged and moved aside, where there are any."""
+    if shards:
+        names = ", ".join(path.name for path in shards)
+        sentence = f"{len(shards)} damaged records were moved to '{shards[0].parent}': {names}"
+        click.echo(f"explore-bench: {one_line(sentence)}; run their suite again.", err=True)
 
 
 def world_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from explore_bench.cli.options import DONE, results_option
+from explore_bench.cli.options import DONE, results_option, tell_damaged
 
 
 @click.command()
@@ -18,4 +18,5 @@ def report(results: Path) -> int:
     written = write_report(results)
     stale = f", {written.stale} of older code left out" if written.stale else ""
     click.echo(f"{len(written.files)} files in {results} from {written.trials} trials{stale}")
+    tell_damaged(written.damaged)
     return DONE

@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from explore_bench.cli.options import DONE, INCOMPLETE, NO, physics_of, results_option, root_option, world_options
+from explore_bench.cli.options import (
+    DONE,
+    INCOMPLETE,
+    NO,
+    physics_of,
+    results_option,
+    root_option,
+    tell_damaged,
+    world_options,
+)
 from explore_bench.errors import RequestError
+from explore_bench.sentences import one_line
 
 if TYPE_CHECKING:
     from explore_bench.runs.suites import Plan
@@ -77,7 +87,6 @@ def _run(
     timeout: float,
     dry_run: bool,
 ) -> int:
-    from explore_bench.analysis.tables import select
     from explore_bench.analysis.times import expected_seconds
     from explore_bench.records.store import Store, missing
     from explore_bench.runs import runner
@@ -88,6 +97,8 @@ def _run(
     store = Store(results)
     if not dry_run or store.exists():
         store.open(seed, "evaluate", asked.scenario)
+    if not dry_run:
+        store.take(asked.specs)
     to_do = list(missing(store, asked.specs))
     stored = len(asked.specs) - len(to_do)
     click.echo(
@@ -103,10 +114,12 @@ def _run(
     try:
         with Progress(len(to_do)) as advance:
             table = runner.complete(to_do, store, workers, backend, timeout, advance, scheduler)
+        rows = runner.asked_for(table, asked.specs)
     except IncompleteError as error:
-        click.echo(f"explore-bench: incomplete: {error}.", err=True)
+        click.echo(f"explore-bench: incomplete: {one_line(str(error))}.", err=True)
         return INCOMPLETE
-    rows = select(table, asked.specs)
+    finally:
+        tell_damaged(store.damaged)
     failed = rows["status"] == "failed"
     click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed.sum()} of those asked for failed")
     if (failed & (rows["explored"] == 0.0)).all():
@@ -143,7 +156,7 @@ class Progress:
         if outcome.status.value in ("failed", "stuck"):
             spec = outcome.spec
             place = f"{spec.strategy}, {spec.scenario.size:g} m, world {spec.trial}"
-            click.echo(f"{outcome.status.value}: {place}: {outcome.reason}", err=True)
+            click.echo(f"{outcome.status.value}: {place}: {one_line(outcome.reason)}", err=True)
         if self._bar:
             self._bar.advance(self._task)
         elif self._done == self._total or self._done % max(self._total // 10, 1) == 0:

@@ -6,7 +6,9 @@ the step at which it was made; its metadata hold the specification, the world an
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 
 from explore_bench.errors import RequestError
 from explore_bench.records.provenance import spec_values
+from explore_bench.sentences import one_line
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.snapshot import FINE_COLUMNS, REPLAY_COLUMNS, unpack_fine_map
 from explore_bench.trial.spec import TrialSpec
@@ -29,6 +32,15 @@ from explore_bench.world.kinds import World, kind_of
 from explore_bench.world.scenario import Scenario
 
 METADATA_KEY = b"explore_bench"
+DIGEST_KEY = b"explore_bench_digest"
+UNSEALED = b"the SHA-256 of the file with these words where it stands in hex."
+"""What a shard holds under DIGEST_KEY while its own digest is computed."""
+
+_SEAL = re.compile(re.escape(DIGEST_KEY) + rb".{1,8}?([0-9a-f]{64})", re.DOTALL)
+
+
+class DamagedError(RequestError):
+    """A shard is not, byte for byte, what was written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +108,14 @@ def encode(result: TrialResult) -> bytes:
     return _encoded(_table(result))
 
 
+def renamed(path: Path, spec: TrialSpec) -> bytes:
+    """Bytes of a shard that names its trial as `spec` does: a file that it ran may lie elsewhere now."""
+    with opened(path) as shard:
+        facts = facts_of(shard, path) | {"spec": spec_values(spec)}
+        table = shard.read(use_threads=False)
+    return _encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(facts, sort_keys=True)}))
+
+
 def comparable(path: Path) -> tuple[bytes, bool]:
     """All that a shard says but its specification, whose paths are those of one machine; and whether it is transient.
 
@@ -112,9 +132,16 @@ def comparable(path: Path) -> tuple[bytes, bool]:
 
 def _encoded(table: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
+    table = table.replace_schema_metadata({**table.schema.metadata, DIGEST_KEY: UNSEALED})
     pq.write_table(table, sink, compression="zstd", write_statistics=False)
     shard: bytes = sink.getvalue().to_pybytes()
-    return shard
+    return shard.replace(UNSEALED, hashlib.sha256(shard).hexdigest().encode())
+
+
+def _is_whole(shard: bytes) -> bool:
+    """Whether a shard is byte for byte what was written."""
+    found = _SEAL.findall(shard)
+    return len(found) == 1 and hashlib.sha256(shard.replace(found[0], UNSEALED)).hexdigest().encode() == found[0]
 
 
 def _table(result: TrialResult) -> pa.Table:
@@ -132,7 +159,7 @@ def _table(result: TrialResult) -> pa.Table:
         "schema": SCHEMA_VERSION,
         "spec": spec_values(result.spec),
         "status": result.status.value,
-        "reason": result.reason,
+        "reason": one_line(result.reason),
         "transient": result.transient,
         "world": result.world.facts(),
     }
@@ -155,12 +182,21 @@ def _schema(kind: str, fine: bool) -> pa.Schema:
 
 @contextmanager
 def opened(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a shard; whatever is wrong with it while it is read is said of its file."""
+    """Open a shard.
+
+    Raises
+    ------
+    DamagedError : where it is not what was written.
+    """
+    damaged = DamagedError(f"'{path}' is no readable record; delete it and run again.")
     try:
-        with pq.ParquetFile(path) as shard:
-            yield shard
-    except (pa.ArrowException, OSError):
-        raise RequestError(f"'{path}' is no readable record; delete it and run again.") from None
+        content = path.read_bytes()
+    except OSError:
+        raise damaged from None
+    if not _is_whole(content):
+        raise damaged
+    with pq.ParquetFile(pa.BufferReader(content)) as shard:
+        yield shard
 
 
 def version_words(version: object) -> str:
@@ -171,10 +207,7 @@ def version_words(version: object) -> str:
 
 def facts_of(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
     """Metadata of a shard: the specification of its trial, its ending and its world."""
-    metadata = shard.schema_arrow.metadata or {}
-    if METADATA_KEY not in metadata:
-        raise RequestError(f"'{path}' is no record of explore-bench; delete it.")
-    facts: dict[str, Any] = json.loads(metadata[METADATA_KEY])
+    facts: dict[str, Any] = json.loads(shard.schema_arrow.metadata[METADATA_KEY])
     if facts.get("schema") != SCHEMA_VERSION:
         raise RequestError(f"'{path}' is of {version_words(facts.get('schema'))}; give another folder with --results.")
     return facts

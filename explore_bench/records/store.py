@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import time
-import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, writing
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import (
+    DamagedError,
     Replay,
     TrialRecord,
     encode,
@@ -20,10 +21,11 @@ from explore_bench.records.encoding import (
     read_record,
     read_replay,
     record_of,
+    renamed,
     spec_from,
     version_words,
 )
-from explore_bench.records.provenance import forget_code, scenario_digest, trial_key
+from explore_bench.records.provenance import forget_code, scenario_digest, spec_values, trial_key
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.trial.steps import SCHEMA_VERSION
@@ -32,6 +34,9 @@ from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER
 
 PROTOCOL_FILE = "protocol.json"
+DAMAGED_FOLDER = "damaged"
+"""Where shards are moved that are not what was written."""
+
 ABANDONED_SECONDS = 3600.0
 """A file half written for so long is that of a process that was killed."""
 
@@ -41,6 +46,10 @@ _PROTOCOL = {"root": "root seed", "purpose": "purpose", "scenario": "scenario"}
 class Store:
     """The shards of one results folder.
 
+    Attributes
+    ----------
+    damaged : where the shards lie now that were found damaged and moved aside.
+
     Raises
     ------
     RequestError : where the folder cannot be written, or holds records of another version or protocol.
@@ -49,6 +58,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.runs = folder.resolve() / "runs"  # whatever a strategy does to the working folder
+        self.damaged: list[Path] = []
 
     def exists(self) -> bool:
         """Whether the folder has been made ready before."""
@@ -65,7 +75,7 @@ class Store:
             self.runs.mkdir(parents=True, exist_ok=True)
             file = self.runs / PROTOCOL_FILE
             if not file.exists():
-                _write_atomically(file, json.dumps(protocol).encode())
+                write_whole(file, json.dumps(protocol))
             _remove_abandoned(self.runs)
         except OSError as error:
             raise RequestError(
@@ -115,23 +125,48 @@ class Store:
         self.keep(key or trial_key(result.spec), encode(result))
 
     def keep(self, key: str, shard: bytes) -> None:
-        """Write the bytes of a shard: whole or not at all.
+        """Write the bytes of a shard: whole or not at all. A damaged one that was there is moved aside.
 
         Raises
         ------
         RequestError : where it cannot be written.
         """
         path = self.path(key)
-        with writing(path):
-            _write_atomically(path, shard)
+        if path.exists() and self._facts(path) is None:
+            self._set_aside(path)
+        write_whole(path, shard)
 
     def has(self, spec: TrialSpec) -> bool:
-        """Whether a trial is stored; one that failed for want of time, memory or disk does not count."""
+        """Whether a trial is stored, and neither damaged nor one that failed for want of time, memory or disk."""
         path = self.path(trial_key(spec))
-        if not path.is_file():
-            return False
-        with opened(path) as shard:
-            return not facts_of(shard, path)["transient"]
+        facts = self._facts(path) if path.is_file() else None
+        return facts is not None and not facts["transient"]
+
+    def take(self, specs: Sequence[TrialSpec]) -> None:
+        """Make the stored ones of some trials name themselves as these do: a file that they ran may have been moved.
+
+        Its content is part of the key, its place is not; without this they would be stored, and yet no current ones.
+        """
+        for spec in specs:
+            path = self.path(trial_key(spec))
+            facts = self._facts(path) if path.is_file() else None
+            if facts is not None and facts["spec"] != json.loads(json.dumps(spec_values(spec))):
+                write_whole(path, renamed(path, spec))
+
+    def _facts(self, path: Path) -> dict[str, Any] | None:
+        """Metadata of a shard; None where it is damaged."""
+        try:
+            with opened(path) as shard:
+                return facts_of(shard, path)
+        except DamagedError:
+            return None
+
+    def _set_aside(self, path: Path) -> None:
+        place = self.runs / DAMAGED_FOLDER / path.name
+        with writing(place):
+            place.parent.mkdir(exist_ok=True)
+            path.replace(place)
+        self.damaged.append(place)
 
     def find(self, spec: TrialSpec) -> TrialRecord:
         """Read a stored trial."""
@@ -145,19 +180,32 @@ class Store:
         """All trials of the folder whose key is still that of their specification, and how many are stale.
 
         A trial is stale where the code or the libraries that it ran have changed since. The order is that of
-        `trials.csv`: strategy, training seed, size, trial.
+        `trials.csv`: strategy, training seed, size, trial. Damaged shards are moved aside.
         """
-        found = [record for _, record in self.survey()]
+        found = [record for _, record in self.survey(mend=True)]
         current = [record for record in found if record is not None]
         return sorted(current, key=_order), len(found) - len(current)
 
-    def survey(self) -> Iterator[tuple[Path, TrialRecord | None]]:
-        """Every shard in the order of the keys, with its record, or None where it is stale."""
+    def survey(self, mend: bool = False) -> Iterator[tuple[Path, TrialRecord | None]]:
+        """Every shard in the order of the keys, with its record, or None where it is stale.
+
+        Damaged ones are moved aside if it is to `mend` the folder.
+
+        Raises
+        ------
+        DamagedError : at the first damaged one otherwise.
+        """
         self.protocol()
         for path in sorted(self.runs.glob("*.parquet")):
-            with opened(path) as shard:
-                facts = facts_of(shard, path)
-                record = record_of(shard, facts) if _is_current(facts["spec"], path.stem) else None
+            try:
+                with opened(path) as shard:
+                    facts = facts_of(shard, path)
+                    record = record_of(shard, facts) if _is_current(facts["spec"], path.stem) else None
+            except DamagedError:
+                if not mend:
+                    raise
+                self._set_aside(path)
+                continue
             yield path, record
 
 
@@ -186,18 +234,6 @@ def _name(scenario: Scenario | None) -> str:
     if scenario.map is not None:
         differs["map"] = scenario_digest(Scenario(kind=scenario.kind, map=scenario.map))
     return ", ".join(f"{key}={value}" for key, value in differs.items()) or "paper"
-
-
-def _write_atomically(path: Path, content: bytes) -> None:
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _remove_abandoned(folder: Path) -> None:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.tables import trial_table
 from explore_bench.errors import RequestError, writing
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import Replay, TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.drawing import entry_of, save, styled
@@ -40,10 +41,10 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
         record, replay = store.find(spec), store.replay(spec)
         if not replay.steps:
             raise RequestError(f"strategy '{spec.strategy}' failed before any decision: {record.reason}.")
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix == ".html":
-            with writing(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                write_page(Content(store, [record], trial_table([record]), ()), path)
+            write_page(Content(store, [record], trial_table([record]), ()), path)
             return record
     with styled():
         figure = plt.figure(figsize=(7.0, 4.9))
@@ -73,8 +74,8 @@ def _animate(figure: Figure, record: TrialRecord, replay: Replay, path: Path) ->
     def draw(index: int) -> None:
         _draw(figure, record, replay, index)
 
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()  # before the work, and before matplotlib has an animation to complain about
-        animation = FuncAnimation(figure, draw, frames, init_func=lambda: None)
-        animation.save(path, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=90)
+    animation = FuncAnimation(figure, draw, frames, init_func=lambda: None)
+    with tempfile.TemporaryDirectory() as folder:
+        drawn = Path(folder, "drawn.gif")
+        animation.save(drawn, writer=PillowWriter(fps=FRAMES_PER_SECOND), dpi=90)
+        write_whole(path, drawn.read_bytes())

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from explore_bench.errors import RequestError, writing
+from explore_bench.files import write_whole
 from explore_bench.report.vector import slim
 from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.registry import entry_named
@@ -106,9 +107,10 @@ def save(figure: Figure, path: Path) -> None:
         raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in .png, .svg or .gif.")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".png":
-            figure.savefig(path, metadata={"Software": None})
-        else:
-            text = io.StringIO()
-            figure.savefig(text, format="svg", metadata={"Date": None})
-            path.write_text(slim(text.getvalue()), encoding="utf-8")
+    drawn = io.BytesIO()
+    if path.suffix == ".png":
+        figure.savefig(drawn, format="png", metadata={"Software": None})
+        write_whole(path, drawn.getvalue())
+    else:
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
+        write_whole(path, slim(drawn.getvalue().decode()))

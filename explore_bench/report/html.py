@@ -14,6 +14,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from explore_bench.analysis.tables import of_paper
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.captions import caption
@@ -71,8 +72,7 @@ class Content:
 
 def write_page(content: Content, path: Path) -> Path:
     """Write the page; the same records, code and machine give the same bytes."""
-    path.write_text(render_page(content), encoding="utf-8")
-    return path
+    return write_whole(path, render_page(content))
 
 
 def render_page(content: Content) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from explore_bench.analysis.csv_files import write_table
 from explore_bench.analysis.tables import of_paper, summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -26,11 +27,12 @@ from explore_bench.world.kinds import kind_of
 
 @dataclass(frozen=True)
 class Report:
-    """What was written, from how many trials, and how many were left out as stale."""
+    """What was written, from how many trials, how many were left out as stale, and the damaged ones, moved aside."""
 
     files: tuple[Path, ...]
     trials: int
     stale: int
+    damaged: tuple[Path, ...] = ()
 
 
 def write_report(folder: Path) -> Report:
@@ -51,9 +53,9 @@ def write_report(folder: Path) -> Report:
         raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
     trials = trial_table(records)
     with writing(folder), showing(record.spec for record in records):
-        files = [_write_csv(trials, folder / "trials.csv")]
+        files = [write_table(trials, folder / "trials.csv")]
         worlds, own = world_table(records), kind_tables(records, trials)
-        files += [_write_csv(worlds, folder / "worlds.csv")] if len(worlds) else []
+        files += [write_table(worlds, folder / "worlds.csv")] if len(worlds) else []
         drawn = _write_kind_figures(records, trials, folder / "figures")
         if trials["scenario"].nunique() > 1 and all(record.spec.scenario.map for record in records):
             files += write_tables(own, folder / "tables") + drawn + write_map_report(trials, records, folder)
@@ -61,7 +63,7 @@ def write_report(folder: Path) -> Report:
             files += _write_all(store, records, trials, own, drawn, stale, folder)
         else:  # a mean over different physics would mean nothing
             files += write_sensitivity(trials, folder)
-    return Report(tuple(files), len(records), stale)
+    return Report(tuple(files), len(records), stale, tuple(store.damaged))
 
 
 def _write_all(
@@ -81,7 +83,7 @@ def _write_all(
     files = [*write_claims(found, folder), *drawn]
     if trials["scenario"].nunique() == 1:
         summary = summary_table(trials)
-        files.append(_write_csv(summary, folder / "summary.csv"))
+        files.append(write_table(summary, folder / "summary.csv"))
         tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
         files += write_survival_figures(trials, folder / "figures")
     claims = {"claims": overview(found)} if found else {}
@@ -106,8 +108,3 @@ def _write_kind_figures(records: list[TrialRecord], trials: pd.DataFrame, folder
             for name, figure in (draw(trials) if draw is not None else {}).items():
                 written += save_all(figure, folder / name)
     return written
-
-
-def _write_csv(table: pd.DataFrame, path: Path) -> Path:
-    table.to_csv(path, index=False, lineterminator="\n")
-    return path

@@ -15,6 +15,7 @@ import pandas as pd
 from explore_bench.analysis.metrics import METRICS, REGRETS, Metric
 from explore_bench.analysis.statistics import Estimate, paired_difference
 from explore_bench.analysis.tables import by_world, of_paper
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.report.drawing import entry_of
 from explore_bench.strategies.registry import in_order, strategies
@@ -108,9 +109,7 @@ class Table:
         """Write name.md, name.csv and name.tex."""
         folder.mkdir(parents=True, exist_ok=True)
         files = {".md": self.markdown(), ".csv": self.csv(), ".tex": self.latex()}
-        for suffix, text in files.items():
-            (folder / f"{name}{suffix}").write_text(text, encoding="utf-8")
-        return [folder / f"{name}{suffix}" for suffix in files]
+        return [write_whole(folder / f"{name}{suffix}", text) for suffix, text in files.items()]
 
 
 def escape(text: str) -> str:

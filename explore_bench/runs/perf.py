@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from explore_bench.analysis.csv_files import plain
-from explore_bench.errors import writing
+from explore_bench.files import write_whole
 from explore_bench.runs.perf_by_lidar import SCENES, ScenePart, SceneTimes, measure_scene, scene_table
 from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.strategies.entry import Entry
@@ -136,8 +136,7 @@ def write_json(perf: Perf, path: Path) -> None:
     ------
     RequestError : where the file cannot be written.
     """
-    with writing(path):
-        path.write_text(json.dumps(plain(asdict(perf)), indent=1) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(plain(asdict(perf)), indent=1) + "\n")
 
 
 def read_json(path: Path) -> Perf:

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from explore_bench.errors import RequestError, unknown
+from explore_bench.records.provenance import trial_key
 from explore_bench.records.store import Store, missing
-from explore_bench.runs.workers import BACKENDS
+from explore_bench.runs.workers import BACKENDS, IncompleteError
 from explore_bench.runs.workers.local import LOST, calls, default_workers, one_thread_each, run_here
 from explore_bench.runs.workers.task import Report, make_task
 from explore_bench.strategies.loading import StrategyError, make_strategy
@@ -171,7 +172,6 @@ def run(
     RequestError : where the request or the folder is wrong.
     IncompleteError : where the run ended early.
     """
-    from explore_bench.analysis.tables import select
     from explore_bench.runs.suites import plan
     from explore_bench.world.scenario import Scenario
     from explore_bench.world.scenarios import load_scenario
@@ -186,8 +186,28 @@ def run(
     check_runnable(asked.specs, workers, backend, timeout)
     store = Store(Path(results))
     store.open(seed, "evaluate", asked.scenario)
+    store.take(asked.specs)
     to_do = list(missing(store, asked.specs))
-    return select(complete(to_do, store, workers, backend, timeout, progress, scheduler), asked.specs)
+    return asked_for(complete(to_do, store, workers, backend, timeout, progress, scheduler), asked.specs)
+
+
+def asked_for(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
+    """Rows of the trials of a plan.
+
+    Raises
+    ------
+    IncompleteError : where some are lacking: their code was edited while they ran.
+    """
+    from explore_bench.analysis.tables import select
+
+    rows = select(table, specs)
+    lacking = len({(spec.scenario_name, trial_key(spec)) for spec in specs}) - len(rows)
+    if lacking > 0:
+        raise IncompleteError(
+            f"{lacking} of the trials asked for are not in trials.csv, since their code or their weights changed while "
+            "they ran; run again"
+        )
+    return rows
 
 
 def complete(

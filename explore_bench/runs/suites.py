@@ -92,7 +92,7 @@ SUITES: dict[str, Suite] = {
         "all of the paper: table2 (also at 30 m), table3, layers and cells", (TABLE2, BETWEEN, TABLE3, LAYERS, CELLS)
     ),
     "robustness": Suite(
-        "table2, table3, layers at 20 m under other noise, ranges, densities and occlusion; give it a folder of its own",
+        "table2, table3, layers at 20 m: other noise, ranges, densities, and occlusion; give it a folder of its own",
         tuple((table, (20.0,)) for table in ("table2", "table3", "layers")),
         trials=20,
         variations=ROBUSTNESS,

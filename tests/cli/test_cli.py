@@ -16,8 +16,10 @@ import pytest
 from handmade import TINY, write_plugin
 from safetensors.numpy import load_file
 
+from explore_bench.analysis import tables
 from explore_bench.cli import main
 from explore_bench.records import store as records
+from explore_bench.records.provenance import forget_code
 from explore_bench.records.store import PROTOCOL_FILE, Store
 from explore_bench.runs import runner
 from explore_bench.strategies import registry
@@ -370,16 +372,86 @@ def test_a_results_folder_with_a_damaged_protocol(refused, smoke, tmp_path):
     assert PROTOCOL_FILE in refused(*smoke)
 
 
-@pytest.mark.parametrize("damage", ["truncated", "foreign"])
+@pytest.mark.parametrize("damage", ["truncated", "foreign", "a bit"])
 @pytest.mark.parametrize("command", ["run", "report"])
-def test_a_record_that_is_none(refused, own_store, tiny, command, damage):
-    path = sorted(own_store.runs.glob("*.parquet"))[0]
+def test_a_damaged_record_is_named_and_run_again(call, smoke, tmp_path, command, damage):
+    request = [*smoke, "-s", "nearest", "-s", "random", "--trials", 2]
+    assert call(*request)[0] == 0
+    before = everything(tmp_path / "results")
+    path = sorted((tmp_path / "results").glob("runs/*.parquet"))[1]
     if damage == "truncated":
         path.write_bytes(path.read_bytes()[:1000])
-    else:
+    elif damage == "foreign":
         pd.DataFrame({"a": [1]}).to_parquet(path)
-    request = [command] if command == "report" else [command, "smoke", "--scenario", tiny, "--trials", 3]
-    assert str(path) in refused(*request, "--results", own_store.folder)
+    else:
+        content = bytearray(path.read_bytes())
+        content[500] ^= 1
+        path.write_bytes(content)
+    words = f"1 damaged records were moved to '{tmp_path / 'results' / 'runs' / 'damaged'}': {path.name}"
+    if command == "report":
+        code, out, err = call("report", "--results", tmp_path / "results")
+        assert (code, err.count("\n")) == (0, 1)
+        assert "from 3 trials" in out
+        assert words in err
+        assert "4 trials, 3 stored, 1 to do" in call(*request)[1]
+    else:
+        code, out, err = call(*request)
+        assert code == 0
+        assert "4 trials, 3 stored, 1 to do" in out
+        assert words in err
+        assert "4 trials in" in out
+    after = everything(tmp_path / "results")
+    assert after[str(tmp_path / "results" / "trials.csv")] == before[str(tmp_path / "results" / "trials.csv")]
+    assert after[str(path)] == before[str(path)]
+
+
+def test_a_strategy_whose_file_was_moved_is_stored_and_in_the_table(call, smoke, tmp_path):
+    (tmp_path / "a").mkdir()
+    first = write_plugin(tmp_path / "a")
+    assert call(*smoke, "-s", first, "-s", "nearest", "--trials", 2)[0] == 0
+    before = pd.read_csv(tmp_path / "results" / "trials.csv")
+    (tmp_path / "a").rename(tmp_path / "b")
+    code, out, err = call(*smoke, "-s", first.replace("/a/", "/b/"), "--trials", 2)
+    assert (code, err) == (0, "")
+    assert "2 trials, 2 stored, 0 to do" in out
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "results" / "trials.csv"), before)
+    assert "from 4 trials" in call("report", "--results", tmp_path / "results")[1]
+
+
+def test_trials_that_are_not_in_the_table_are_said_to_be_lacking(call, smoke, tmp_path, monkeypatch):
+    """Their file was edited while they ran, so what was stored is of code that is no more."""
+    file = write_plugin(tmp_path, name="edited")
+    write_trials = tables.write_trials
+
+    def edited_before(store):
+        path = Path(file.partition(":")[0])
+        path.write_text(path.read_text().replace("argmin", "argmax"))
+        forget_code()
+        return write_trials(store)
+
+    monkeypatch.setattr(tables, "write_trials", edited_before)
+    code, _, err = call(*smoke, "-s", file, "-s", "nearest", "--trials", 2)
+    assert code == 3
+    assert "2 of the trials asked for are not in trials.csv, since their code or their weights changed" in err
+
+
+@pytest.mark.parametrize("content", [b"", b"strategy,train", b"\x00\xff", b"strategy,seconds\na,b\n"])
+def test_a_damaged_times_file_stops_no_run_and_is_begun_anew(call, smoke, tmp_path, content):
+    request = [*smoke, "-s", "nearest"]
+    assert call(*request, "--trials", 1)[0] == 0
+    (tmp_path / "results" / "times.csv").write_bytes(content)
+    code, out, err = call(*request, "--trials", 2, "--dry-run")
+    assert (code, err) == (0, "")
+    code, out, err = call(*request, "--trials", 2)
+    assert code == 0
+    assert "2 trials, 1 stored, 1 to do" in out
+    assert len(pd.read_csv(tmp_path / "results" / "times.csv")) == 1
+
+
+def test_a_sentence_about_a_broken_name_has_one_line_of_bounded_length(refused, tmp_path):
+    line = refused("run", "smoke", "-s", "no\nsuch\x1b[31m strategy" + 5000 * "y", "--results", tmp_path)
+    assert "no such [31m strategyyy" in line
+    assert len(line) < 1100
 
 
 def test_a_report_of_a_folder_without_trials(refused, tmp_path):

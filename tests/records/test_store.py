@@ -12,13 +12,14 @@ import pytest
 from handmade import TINY, tiny_plan, write_plugin
 
 from explore_bench.errors import RequestError
+from explore_bench.records import encoding
 from explore_bench.records.encoding import METADATA_KEY, comparable, read_record, read_replay
 from explore_bench.records.provenance import trial_key
 from explore_bench.records.store import PROTOCOL_FILE, Store, missing
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.snapshot import REPLAY_COLUMNS, unpack_ellipses, unpack_map
-from explore_bench.trial.spec import TrialSpec
+from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.trial.steps import FINAL_COLUMNS, SCHEMA_VERSION, step_columns
 from explore_bench.world.scenario import Scenario
 
@@ -433,7 +434,7 @@ def of_version(version):
     def rewrite(path):
         table = pq.read_table(path)
         values = json.loads(table.schema.metadata[METADATA_KEY]) | {"schema": version}
-        pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(values)}), path)
+        path.write_bytes(encoding._encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(values)})))
 
     return rewrite
 
@@ -450,7 +451,7 @@ def overwritten(path):
 
 
 BROKEN = [
-    (foreign, "no record of explore-bench"),
+    (foreign, "no readable record"),
     (of_version(99), f"of another record version, 99, not {SCHEMA_VERSION}"),
     (of_version(1), "of an older record version, 1, not 2"),
     (truncated, "no readable record"),
@@ -460,22 +461,91 @@ BROKEN = [
 ]
 
 
+def flipped(path):
+    """Change one bit in the middle of the columns."""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 4
+    path.write_bytes(content)
+
+
+def of_another_end(path):
+    """Say of the trial that it got stuck, in as many bytes, but not in the digest."""
+    content = path.read_bytes()
+    assert content.count(b'"status": "explored"') == 1
+    path.write_bytes(content.replace(b'"status": "explored"', b'"status": "step_lim"'))
+
+
+DAMAGES = [foreign, truncated, overwritten, flipped, of_another_end, lambda path: path.write_bytes(b"")]
+
+
 @pytest.mark.parametrize(("damage", "words"), BROKEN, ids=[words for _, words in BROKEN])
 def test_a_file_that_is_no_record_is_named(stored, own_store, damage, words):
     path = own_store.path(trial_key(stored.specs[0]))
     damage(path)
-    sentence = message(own_store.records)
-    assert str(path) in sentence
-    assert words in sentence
+    for read in (read_record, read_replay, comparable):
+        sentence = message(read, path)
+        assert str(path) in sentence
+        assert words in sentence
+    assert words in message(lambda: list(own_store.survey()))
 
 
-@pytest.mark.parametrize(("damage", "words"), BROKEN[:-1], ids=[words for _, words in BROKEN[:-1]])
-def test_a_run_asks_about_no_file_that_is_no_record(stored, own_store, damage, words):
+@pytest.mark.parametrize("version", [1, 99])
+def test_a_run_and_a_report_refuse_records_of_another_version(stored, own_store, version):
     path = own_store.path(trial_key(stored.specs[0]))
+    of_version(version)(path)
+    for call in (own_store.records, lambda: list(missing(own_store, stored.specs))):
+        assert f"record version, {version}" in message(call)
+    assert path.exists() and not own_store.damaged
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_shard_is_moved_aside_named_and_not_stored(stored, own_store, damage):
+    spec = stored.specs[0]
+    path = own_store.path(trial_key(spec))
     damage(path)
-    sentence = message(lambda: list(missing(own_store, stored.specs)))
-    assert str(path) in sentence
-    assert words in sentence
+    left = path.read_bytes()
+    assert not own_store.has(spec)
+    assert list(missing(own_store, stored.specs)) == [spec]
+    assert path.read_bytes() == left, "to ask moves nothing"
+    records, stale = own_store.records()
+    assert (len(records), stale) == (len(stored.specs) - 1, 0)
+    [place] = own_store.damaged
+    assert place == own_store.runs / "damaged" / path.name
+    assert place.read_bytes() == left
+    assert not path.exists()
+    assert own_store.records()[1] == 0, "what lies aside is no record"
+    own_store.write(stored.results[0])
+    assert len(own_store.records()[0]) == len(stored.specs)
+
+
+def test_a_trial_that_runs_again_keeps_what_was_damaged(stored, own_store):
+    path = own_store.path(trial_key(stored.specs[0]))
+    whole = path.read_bytes()
+    flipped(path)
+    left = path.read_bytes()
+    own_store.write(stored.results[0])
+    assert path.read_bytes() == whole
+    assert [place.read_bytes() for place in own_store.damaged] == [left]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_change_of_a_byte_goes_unnoticed(stored, own_store, seed):
+    rng = np.random.default_rng(seed)
+    path = own_store.path(trial_key(stored.specs[seed % len(stored.specs)]))
+    content = bytearray(path.read_bytes())
+    place = int(rng.integers(len(content)))
+    content[place] = (content[place] + int(rng.integers(1, 256))) % 256
+    path.write_bytes(content)
+    assert "no readable record" in message(read_record, path)
+
+
+def test_long_and_broken_reasons_are_kept_as_one_short_line(stored, store):
+    reason = "it answered\n" + 5_000_000 * "x" + "\x1b[31m, which is no\r\nnumber"
+    store.write(dataclasses.replace(stored.results[0], status=Status.FAILED, reason=reason))
+    kept = store.find(stored.specs[0]).reason
+    assert len(kept) <= 1000
+    assert kept.startswith("it answered xxx") and kept.endswith("xxx [31m, which is no number")
+    assert store.path(trial_key(stored.specs[0])).stat().st_size < 200_000
 
 
 # What is stored, and what is stale
@@ -539,6 +609,44 @@ def test_trials_of_a_plugin_that_is_gone_or_broken_are_left_out_and_counted(
         file.write_text("class Plugin(:")
     fresh_digests()
     assert store.records() == ([], 1)
+
+
+def test_trials_of_a_plugin_that_was_moved_are_taken_over(store, spec, tmp_path, fresh_digests):
+    """Whatever counts as stored is a record, wherever its files lie."""
+    store.write(run_trial(spec))
+    before = store.find(spec)
+    moved = tmp_path / "elsewhere" / "plugin.py"
+    moved.parent.mkdir()
+    (tmp_path / "plugin.py").rename(moved)
+    fresh_digests()
+    asked = dataclasses.replace(spec, factory=f"{moved}:Plugin")
+    assert store.has(asked)
+    assert store.records() == ([], 1)
+    store.take([asked])
+    [record], stale = store.records()
+    assert (stale, record.spec) == (0, asked)
+    for name, values in before.steps.items():
+        np.testing.assert_array_equal(record.steps[name], values)
+    shard = store.path(trial_key(asked)).read_bytes()
+    store.take([asked])
+    assert store.path(trial_key(asked)).read_bytes() == shard
+
+
+def test_weights_that_were_moved_are_taken_over(store, weighed, tmp_path, fresh_digests):
+    specs, files = weighed
+    moved = [file.rename(tmp_path / f"moved-{file.name}") for file in files]
+    fresh_digests()
+    asked = [dataclasses.replace(spec, weights=str(file)) for spec, file in zip(specs, moved, strict=True)]
+    assert all(map(store.has, asked))
+    store.take(asked)
+    assert [record.spec for record in store.records()[0]] == asked
+
+
+def test_a_scenario_of_another_name_is_taken_over(own_store, stored):
+    asked = dataclasses.replace(stored.specs[0], scenario_name="mine")
+    assert own_store.has(asked)
+    own_store.take([asked])
+    assert asked in [record.spec for record in own_store.records()[0]]
 
 
 @pytest.fixture

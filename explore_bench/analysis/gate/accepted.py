@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from explore_bench.analysis.csv_files import KEYS, read_csv
+from explore_bench.analysis.csv_files import KEYS, read_csv, write_table
 from explore_bench.analysis.gate.pairs import belongs
 from explore_bench.analysis.gate.thresholds import Threshold, load_thresholds
 from explore_bench.analysis.tables import trial_table
-from explore_bench.errors import RequestError, unknown, writing
+from explore_bench.errors import RequestError, unknown
+from explore_bench.files import write_whole
 from explore_bench.records.store import Store
 from explore_bench.trial.steps import SCHEMA_VERSION
 
@@ -71,9 +72,8 @@ def accept(folder: Path, results: Path, reason: str) -> int:
     rows = trials[np.logical_or.reduce([belongs(trials, one) for one in family])]
     rows = rows.sort_values(KEYS, kind="stable", na_position="first")
     note = {"schema": SCHEMA_VERSION, "reason": reason.strip()}
-    with writing(folder):
-        rows.to_csv(path, index=False, lineterminator="\n")
-        (folder / NOTE_FILE).write_text(json.dumps(note, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_table(rows, path)
+    write_whole(folder / NOTE_FILE, json.dumps(note, indent=1, ensure_ascii=False) + "\n")
     return len(rows)
 
 

@@ -21,6 +21,7 @@ from explore_bench.analysis.claims import (
 )
 from explore_bench.analysis.statistics import LEVEL
 from explore_bench.analysis.training_curve import TRAINING_METRICS
+from explore_bench.files import write_whole
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.html import Section
 from explore_bench.report.tables import Scope, Table, interval_text, number_text, p_text, percent_text, signed_text
@@ -73,7 +74,7 @@ def write_claims(found: dict[Claim, list[Finding]], folder: Path) -> list[Path]:
     values = [_values(claim, findings) for claim, findings in found.items()]
     texts = "\n".join(page), json.dumps(values, indent=1, ensure_ascii=False) + "\n"
     for name, text in zip(FILES, texts, strict=True):
-        (folder / name).write_text(text, encoding="utf-8")
+        write_whole(folder / name, text)
     return [folder / name for name in FILES]
 
 
