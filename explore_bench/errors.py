@@ -1,4 +1,4 @@
-"""The one exception a user is meant to read."""
+"""The one exception a user is meant to read, and how errors become one line."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+MOST = 1000
+"""Characters of a sentence; of a longer one the middle is left out."""
 
 
 class RequestError(ValueError):
@@ -37,3 +40,12 @@ def describe(error: BaseException) -> str:
     except Exception:
         lines = []
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def one_line(text: str, most: int = MOST) -> str:
+    """Text without line breaks and other control characters, shortened to `most` characters."""
+    if len(text) > 4 * most:  # before anything is done with all of it
+        text = f"{text[: 2 * most]} … {text[-2 * most :]}"
+    line = " ".join("".join(character if character.isprintable() else " " for character in text).split())
+    half = (most - 3) // 2
+    return line if len(line) <= most else f"{line[:half]} … {line[-half:]}"

@@ -13,7 +13,7 @@ from pandas.api.types import is_numeric_dtype
 
 from explore_bench.analysis.rounding import significant
 from explore_bench.errors import RequestError
-from explore_bench.files import write_whole
+from explore_bench.records.files import write_whole
 
 KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
 """Columns that name a trial."""

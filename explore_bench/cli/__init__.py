@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import click
 
@@ -18,8 +21,7 @@ from explore_bench.cli.perf import perf
 from explore_bench.cli.report import report
 from explore_bench.cli.run import run
 from explore_bench.cli.train import train
-from explore_bench.errors import RequestError
-from explore_bench.sentences import one_line
+from explore_bench.errors import RequestError, one_line
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -27,7 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     code = DONE
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        code = cli.main(args=arguments or ["--help"], prog_name="explore-bench", standalone_mode=False) or DONE
+        with _terminated_like_ctrl_c():
+            code = cli.main(args=arguments or ["--help"], prog_name="explore-bench", standalone_mode=False) or DONE
     except click.ClickException as error:
         code = _complain(error.format_message())
     except RequestError as error:
@@ -36,6 +39,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print("explore-bench: interrupted; what is done is stored, the same command goes on.", file=sys.stderr)
         code = INTERRUPTED
     sys.exit(code)
+
+
+@contextmanager
+def _terminated_like_ctrl_c() -> Iterator[None]:
+    """Raise KeyboardInterrupt in the block where the process is told to end: what is done is kept and written."""
+    if threading.current_thread() is not threading.main_thread():  # which alone may say what a signal does
+        yield
+        return
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
 
 
 def _complain(sentence: str) -> int:

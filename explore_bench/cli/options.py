@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from explore_bench.errors import RequestError
-from explore_bench.sentences import one_line
+from explore_bench.errors import RequestError, one_line
 
 if TYPE_CHECKING:
     from explore_bench.world.scenario import Scenario

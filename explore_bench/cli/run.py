@@ -20,8 +20,7 @@ from explore_bench.cli.options import (
     tell_damaged,
     world_options,
 )
-from explore_bench.errors import RequestError
-from explore_bench.sentences import one_line
+from explore_bench.errors import RequestError, one_line
 
 if TYPE_CHECKING:
     from explore_bench.runs.suites import Plan

@@ -21,9 +21,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, one_line
 from explore_bench.records.provenance import spec_values
-from explore_bench.sentences import one_line
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.snapshot import FINE_COLUMNS, REPLAY_COLUMNS, unpack_fine_map
 from explore_bench.trial.spec import TrialSpec

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, writing
-from explore_bench.files import write_whole
 from explore_bench.records.encoding import (
     DamagedError,
     Replay,
@@ -25,6 +24,7 @@ from explore_bench.records.encoding import (
     spec_from,
     version_words,
 )
+from explore_bench.records.files import write_whole
 from explore_bench.records.provenance import forget_code, scenario_digest, spec_values, trial_key
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.spec import TrialSpec

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -691,6 +693,45 @@ main({arguments!r})"""
     assert "interrupted" in err.splitlines()[-1]
     stored = len(list((tmp_path / "results").glob("runs/*.parquet")))
     assert len(pd.read_csv(tmp_path / "results" / "trials.csv")) in (stored - 2, stored - 1, stored)
+
+
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
+def test_a_main_process_that_is_told_to_end_takes_its_workers_along(tmp_path, tiny, sent):
+    """Only the main process gets the signal, as from a scheduler of jobs or from a lack of memory."""
+    mark = f"sign-of-{uuid.uuid4().hex}"
+    lines = "import time; time.sleep(0.05)\nreturn int(observation.path_lengths.argmin())"
+    folder = tmp_path / "results"
+    arguments = ["run", "smoke", "--scenario", str(tiny), "--results", str(folder), "--workers", "2"]
+    arguments += ["-s", write_plugin(tmp_path, lines), "--trials", "500"]
+    command = [sys.executable, "-c", f"from explore_bench.cli import main\nmain({arguments!r})"]
+    environment = os.environ | {"EXPLORE_BENCH_TEST": mark}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    try:
+        wait_for(lambda: len(list(folder.glob("runs/*.parquet"))) > 3 or process.poll() is not None)
+        assert len(marked(mark)) > 2, "the main process and its workers"
+        process.send_signal(sent)
+        process.wait(timeout=120)
+        wait_for(lambda: not marked(mark))
+        _, err = process.communicate(timeout=10)
+    finally:
+        for number in marked(mark):
+            os.kill(number, signal.SIGKILL)
+    if sent == signal.SIGTERM:
+        assert process.returncode == 130, err
+        assert "interrupted" in err.splitlines()[-1]
+        assert len(pd.read_csv(folder / "trials.csv")) > 3
+    assert "warn" not in err.lower()
+    assert "Traceback" not in err
+
+
+def marked(mark):
+    """Numbers of the processes that have a mark in their environment."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*/environ"):
+        with suppress(OSError):
+            if mark.encode() in place.read_bytes():
+                found.append(int(place.parent.name))
+    return found
 
 
 def wait_for(condition, seconds=60.0):

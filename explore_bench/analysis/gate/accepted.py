@@ -19,7 +19,7 @@ from explore_bench.analysis.gate.pairs import belongs
 from explore_bench.analysis.gate.thresholds import Threshold, load_thresholds
 from explore_bench.analysis.tables import trial_table
 from explore_bench.errors import RequestError, unknown
-from explore_bench.files import write_whole
+from explore_bench.records.files import write_whole
 from explore_bench.records.store import Store
 from explore_bench.trial.steps import SCHEMA_VERSION
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, TypeVar
 
 import joblib
@@ -16,9 +19,13 @@ from explore_bench.runs.workers import GRACE, THREAD_SETTINGS, IncompleteError
 from explore_bench.runs.workers.task import PROCESS_DIED, Report, Task, lost, perform, warm_up
 
 warnings.filterwarnings("ignore", r"\d+ tasks ", UserWarning, "joblib")  # what an interrupted run leaves runs again
+warnings.filterwarnings("ignore", "A worker stopped ", UserWarning, "joblib")  # one that has grown is replaced
 
 AHEAD = 2
 """Trials handed out for each worker before their turn."""
+
+PARENT_SECONDS = 1.0
+"""How often a worker looks whether its parent is still there."""
 
 TIMEOUTS = (TimeoutError, multiprocessing.TimeoutError)
 
@@ -79,7 +86,27 @@ def calls(
         pre_dispatch=AHEAD * jobs if jobs > 1 else 1,  # one at a time is one worker at work
         timeout=None if backend == "sequential" else seconds + GRACE,
     )
-    yield from parallel(joblib.delayed(function)(*each) for each in arguments)
+    here = 0 if backend == "sequential" else os.getpid()
+    yield from parallel(joblib.delayed(_called)(here, function, *each) for each in arguments)
+
+
+def _called(parent: int, function: Callable[..., Result], *arguments: Any) -> Result:
+    """Result of a call, in a process that ends with its parent."""
+    if parent and parent == os.getppid():
+        _end_with(parent)
+    return function(*arguments)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process when its parent is gone, however that ended: nobody waits for the results any more."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_SECONDS)
+        os._exit(1)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def _numbered(number: int, task: Task) -> tuple[int, Report]:
@@ -97,8 +124,11 @@ def _alone(task: Task, backend: str, timeout: float) -> Report:
 @contextmanager
 def one_thread_each() -> Iterator[None]:
     """Set the environment that worker processes inherit, and restore it."""
-    old = {name: os.environ.get(name) for name in THREAD_SETTINGS}
-    os.environ.update(THREAD_SETTINGS)
+    # joblib's own process, which tidies up after one that was killed, would complain of what it found
+    told = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker")))
+    settings = THREAD_SETTINGS | {"PYTHONWARNINGS": told}
+    old = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
     try:
         yield
     finally:
