@@ -106,7 +106,7 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
         replay = store.replay(record.spec)
         scene = scene_of(record, replay, max(len(replay.steps) - 2, 0))
         draw_scene(axes, scene)
-        axes.set_title(f"{shown_name(name)}: {record.status} after {record.steps['step'][-1]} steps")
+        axes.set_title(f"{shown_name(name)}\n{record.status} after {record.steps['step'][-1]} steps")
     for axes in grid.flat[len(shown) :]:
         axes.set_axis_off()
     figure.legend(handles=scene_legend(scene), loc="outside lower center", ncols=min(4, 2 * columns), fontsize=8)
@@ -197,7 +197,7 @@ def _curves(groups: Groups, size: float) -> Figure:
         below.set_ylim(bottom=0)
     grid[1, 0].set_ylabel("running")
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(groups)))
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(groups)), fontsize=8)
     worlds = max(_worlds(own) for own in groups.values())
     figure.suptitle(f"{size:g} m × {size:g} m, {worlds} worlds, mean and {CONFIDENCE:.0%} bootstrap band", fontsize=10)
     return figure

@@ -1,19 +1,22 @@
 """Figures of real trials: which are drawn, what their lines show, and bytes that do not change."""
 
 import dataclasses
+import itertools
 from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
 import pytest
-from handmade import TINY, record, write_plugin
+from handmade import TINY, record, with_spec, write_plugin
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import CURVES, curve
+from explore_bench.analysis.tables import trial_table
 from explore_bench.records.store import Store
 from explore_bench.report import drawing, figures
+from explore_bench.report.aggregates import write_survival_figures
 from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.figures import CURVE_FIGURES, write_figures
 from explore_bench.report.moment import Scene
@@ -99,6 +102,36 @@ def drawn(monkeypatch):
 
 def names_of(files):
     return sorted({file.stem for file in files})
+
+
+# What they have room for
+
+
+@pytest.mark.parametrize("name", ["figure-10a", "figure-10b", "times-20m"])
+def test_the_words_of_all_strategies_have_room(store, records, monkeypatch, name):
+    """No legend leaves the figure and no title another's place, with every strategy of Table 2."""
+    every = [name for name, entry in strategies().items() if "table2" in entry.tables]
+    own = [record for record in records if record.spec.strategy == "nearest"]
+    of_all = [with_spec(record, strategy=strategy) for strategy in every for record in own]
+    replay = store.replay(own[0].spec)
+    monkeypatch.setattr(store, "replay", lambda spec: replay)
+    looked = []
+
+    def look(figure, path):
+        if path.suffix == ".png" and path.stem == name:
+            figure.canvas.draw()
+            for legend in figure.legends:
+                box = legend.get_window_extent()
+                assert box.x0 >= figure.bbox.x0 and box.x1 <= figure.bbox.x1
+                assert len(legend.get_texts()) >= (len(every) if name != "figure-10a" else 1)
+            titles = [axes.title.get_window_extent() for axes in figure.axes if axes.get_title()]
+            assert not any(a.overlaps(b) for a, b in itertools.combinations(titles, 2))
+            looked.append(len(titles))
+
+    monkeypatch.setattr(drawing, "save", look)
+    write_figures(store, of_all, store.folder / "figures")
+    write_survival_figures(trial_table(of_all), store.folder / "figures")
+    assert looked == [len(every) if name == "figure-10a" else 3]
 
 
 # Which figures are drawn
@@ -271,7 +304,7 @@ def test_the_example_of_a_learned_strategy_is_that_of_its_first_training_seed(le
     first = learned.records()[0][0]
     assert (first.spec.training_seed, first.spec.trial) == (0, 0)
     [panel] = [panel for panel in shown["figure-10a"] if panel.title]
-    assert panel.title == f"GCN-obs: explored after {first.steps['step'][-1]} steps"
+    assert panel.title == f"GCN-obs\nexplored after {first.steps['step'][-1]} steps"
 
 
 def test_the_figure_of_the_layers_shows_the_strategies_of_its_table(results, monkeypatch, tmp_path, drawn):
@@ -292,7 +325,7 @@ def test_the_figure_of_the_layers_shows_the_strategies_of_its_table(results, mon
 
 def test_there_is_one_example_per_strategy_all_on_the_same_world(store, records, drawn):
     panels = [panel for panel in drawn(store)["figure-10a"] if panel.title]
-    assert [panel.title.split(":")[0] for panel in panels] == ["Random", "Nearest", "Clairvoyant (reference)"]
+    assert [panel.title.split("\n")[0] for panel in panels] == ["Random", "Nearest", "Clairvoyant (reference)"]
     for panel, name in zip(panels, NAMES, strict=True):
         [own] = [r for r in records if r.spec.strategy == name and r.spec.trial == 0]
         assert f"explored after {own.steps['step'][-1]} steps" in panel.title
