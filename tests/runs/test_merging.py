@@ -251,10 +251,16 @@ def test_a_damaged_shard_is_refused_by_its_name(stored, a_and_b, tmp_path):
         assert "no readable record" in sentence
 
 
-def test_a_damaged_protocol_another_version_or_damaged_times_are_refused(a_and_b, tmp_path):
+def test_damaged_times_are_left_out(a_and_b, tmp_path):
+    """No trial depends on them."""
     a, b = a_and_b
     (b / "times.csv").write_text("strategy\nnearest\n")
-    assert str(b / "times.csv") in refusal([a, b], tmp_path / "into")
+    assert merge([a, b], tmp_path / "into").added == 9
+    assert len(read_csv(tmp_path / "into" / "times.csv", ["strategy"])) == len(read_csv(a / "times.csv", ["strategy"]))
+
+
+def test_a_damaged_protocol_or_another_version_is_refused(a_and_b, tmp_path):
+    a, b = a_and_b
     protocol = b / "runs" / PROTOCOL_FILE
     protocol.write_text(json.dumps({**json.loads(protocol.read_text()), "schema": 99}))
     assert f"record version, 99, not {SCHEMA_VERSION}" in refusal([a, b], tmp_path / "into")

@@ -161,7 +161,7 @@ def test_what_the_paper_prints_stands_nowhere_beside_trials_in_lidar_worlds():
 
 
 def test_a_row_of_trials_csv_has_the_metrics_of_the_kind_after_the_common_columns(trials):
-    assert list(trials.columns)[23:26] == ["reason", "simulated_seconds", "t90_seconds"]
+    assert list(trials.columns)[24:27] == ["reason", "simulated_seconds", "t90_seconds"]
     assert trials["wall_f1_1"].notna().all()
 
 

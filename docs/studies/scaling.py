@@ -1,0 +1,158 @@
+"""How cost, memory and metrics grow with the size of the map, from 20 to 200 m.
+
+    python docs/studies/scaling.py [--workers N] [--out FOLDER] [-s STRATEGY ...] [--sizes 20 40 60 100 200]
+        [--worlds 3] [--steps N]
+
+Each trial runs in a process of its own, on calibration worlds, until its map is explored or --steps are taken. A trial
+that is done is not run again: FOLDER keeps one row a trial. Writes scaling.csv, means by strategy and size, and
+scaling.png and .svg beside docs/scaling.md, which tells what came of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from explore_bench import PAPER, Observation, draw_world, rollout, stream
+from explore_bench.records.files import write_whole
+from explore_bench.report.drawing import entry_of, save, styled
+from explore_bench.strategies.entry import weights_file
+from explore_bench.strategies.loading import make_strategy
+from explore_bench.strategies.registry import lookup
+from explore_bench.trial.error_and_efficiency import score
+
+DOCS = Path(__file__).parents[1]
+WINDOW = 100
+"""Steps whose mean cost stands for the end of a trial."""
+
+
+def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
+    """Run one trial for at most so many steps and tell what it cost; times in ms, memory in MiB."""
+    _, entry = lookup(name)
+    scenario = PAPER.replace(size=size)
+    drawn, motion, sensor, choosing = (
+        stream("calibrate", 0, size, number, role) for role in ("world", "motion", "sensor", "strategy")
+    )
+    weights = {"weights": str(weights_file(entry.weights[0]))} if entry.weights else {}
+    strategy = make_strategy(entry.factory, {**entry.parameters, **weights})
+    strategy.reset(choosing)
+    events = rollout(scenario, draw_world(scenario, drawn), motion, sensor)
+    answer, status, rows = None, "cut off", []
+    steps: list[float] = []
+    decisions: list[float] = []
+    candidates: list[int] = []
+    before = time.perf_counter()
+    while len(rows) <= most:
+        try:
+            event = events.send(answer)
+        except StopIteration as end:
+            status = end.value.status.value
+            break
+        now = time.perf_counter()
+        answer = None
+        if isinstance(event, Observation):
+            candidates.append(len(event.candidates))
+            answer = strategy.choose(event)
+            decisions.append(time.perf_counter() - before)  # frontiers, paths and the choice
+        else:
+            rows.append(event)
+            steps.append(now - before)
+        before = time.perf_counter()
+    last = rows[-1]
+    final = score(status, max(last.step, 1), last.uncertainty, last.peak_trace, scenario)
+    done = status == "explored"
+    return {
+        "strategy": name,
+        "size": size,
+        "world": number,
+        "status": status,
+        "steps": last.step,
+        "explored": last.explored,
+        "e": final.trajectory_error if done else np.nan,
+        "eta": final.exploration_efficiency if done else np.nan,
+        "step_ms": 1e3 * np.median(steps),
+        "last_step_ms": 1e3 * np.mean(steps[-WINDOW:]),
+        "decision_ms": 1e3 * np.median(decisions),
+        "last_decision_ms": 1e3 * np.mean(decisions[-WINDOW // 10 :]),
+        "candidates": np.mean(candidates),
+        "seconds": sum(steps) + sum(decisions),
+        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+    }
+
+
+def kept(folder: Path, name: str, size: float, number: int, most: int) -> dict[str, Any]:
+    """Row of a trial: from its file, or measured now in a process of its own."""
+    file = folder / f"{name}-{size:g}-{number}-{most}.json"
+    if not file.exists():
+        command = [sys.executable, __file__, "--trial", name, f"{size:g}", str(number), str(most)]
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+        write_whole(file, done.stdout.splitlines()[-1] + "\n")
+    row: dict[str, Any] = json.loads(file.read_text())
+    return row
+
+
+def draw(table: pd.DataFrame, place: Path) -> None:
+    """Draw cost, memory and steps over the number of cells."""
+    panels = {"last_step_ms": "step at the end [ms]", "last_decision_ms": "decision at the end [ms]"}
+    panels |= {"memory": "memory [MiB]", "steps": "steps"}
+    with styled():
+        figure, grid = plt.subplots(1, len(panels), figsize=(11.5, 3.4))
+        for axes, (column, title) in zip(grid, panels.items(), strict=True):
+            for name, own in table.groupby("strategy", sort=False):
+                entry = entry_of(str(name))
+                axes.plot(own["size"], own[column], marker="o", ms=3, color=entry.color, label=entry.label)
+            axes.set(title=title, xlabel="edge of the map [m]", xscale="log", yscale="log")
+        handles, labels = grid[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8)
+        for suffix in (".png", ".svg"):
+            save(figure, place.with_suffix(suffix))
+    plt.close(figure)
+
+
+def main() -> None:
+    """Run what is missing and write the table and the figure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("results/scaling"))
+    parser.add_argument("-s", "--strategy", dest="strategies", action="append")
+    parser.add_argument("--sizes", type=float, nargs="+", default=[20.0, 40.0, 60.0, 100.0])
+    parser.add_argument("--worlds", type=int, default=3)
+    parser.add_argument("--steps", type=int, default=10**9)
+    parser.add_argument("--trial", nargs=4, metavar=("STRATEGY", "SIZE", "WORLD", "STEPS"))
+    asked = parser.parse_args()
+    if asked.trial:
+        name, size, number, most = asked.trial
+        print(json.dumps(measured(name, float(size), int(number), int(most))))
+        return
+    asked.out.mkdir(parents=True, exist_ok=True)
+    wanted = [
+        (asked.out, name, size, number, asked.steps)
+        for size in asked.sizes
+        for name in asked.strategies or ["nearest"]
+        for number in range(asked.worlds)
+    ]
+    with ThreadPoolExecutor(asked.workers) as pool:
+        list(pool.map(lambda one: kept(*one), wanted))
+    rows = pd.DataFrame([json.loads(file.read_text()) for file in sorted(asked.out.glob("*.json"))])
+    explored = rows.assign(explored_trials=rows["status"] == "explored", trials=1)
+    sums = explored.groupby(["strategy", "size"])[["trials", "explored_trials"]].sum()
+    means = rows.groupby(["strategy", "size"]).mean(numeric_only=True).drop(columns="world")
+    table = sums.join(means).reset_index()
+    table.to_csv(Path(__file__).with_suffix(".csv"), index=False, float_format="%.4g")
+    draw(table, DOCS / "scaling")
+    print(table.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
