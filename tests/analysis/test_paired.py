@@ -188,6 +188,6 @@ def test_of_equal_architectures_at_most_one_in_twenty_is_told_apart(metric, size
 def test_what_the_other_test_and_the_assumption_cost(metric):
     """What docs/statistics.md says of worlds alone, and of a single seed that varies more than it is taken to."""
     of = stored_components(metric, 40.0)["graph-stnn"]
-    assert told_apart(of, 5, 5)[1] > 0.25
-    assert told_apart(of, 3, 1)[1] > 0.25
+    assert told_apart(of, 5, 5)[1] > 0.1
+    assert told_apart(of, 3, 1)[1] > 0.1
     assert told_apart(of, 5, 1, times=4.0)[0] > 0.1
