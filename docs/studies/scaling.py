@@ -4,8 +4,8 @@
         [--worlds 3] [--steps N]
 
 Each trial runs in a process of its own, on calibration worlds, until its map is explored or --steps are taken. A trial
-that is done is not run again: FOLDER keeps one row a trial. Writes scaling.csv, means by strategy and size, and
-scaling.png and .svg beside docs/scaling.md, which tells what came of it.
+that is done is not run again: FOLDER keeps one row a trial. Writes scaling.csv, means by strategy and size, beside this
+file, and scaling.png and .svg into docs.
 """
 
 from __future__ import annotations

@@ -186,14 +186,15 @@ def opened(path: Path) -> Iterator[pq.ParquetFile]:
     Raises
     ------
     DamagedError : where it is not what was written.
+    RequestError : where it cannot be read now, which says nothing of what it holds.
     """
-    damaged = DamagedError(f"'{path}' is no readable record; delete it and run again.")
     try:
         content = path.read_bytes()
-    except OSError:
-        raise damaged from None
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise RequestError(f"'{path}' cannot be read ({reason}); give the right to, or another folder.") from None
     if not _is_whole(content):
-        raise damaged
+        raise DamagedError(f"'{path}' is no readable record; delete it and run again.")
     with pq.ParquetFile(pa.BufferReader(content)) as shard:
         yield shard
 

@@ -518,6 +518,18 @@ def test_a_damaged_shard_is_moved_aside_named_and_not_stored(stored, own_store, 
     assert len(own_store.records()[0]) == len(stored.specs)
 
 
+def test_a_record_that_cannot_be_read_now_is_not_taken_for_a_damaged_one(monkeypatch, stored, own_store):
+    def refuse(path):
+        raise OSError(24, "Too many open files")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("pathlib.Path.read_bytes", refuse)
+        for call in (own_store.records, lambda: own_store.has(stored.specs[0])):
+            assert "cannot be read (Too many open files)" in message(call)
+    assert not own_store.damaged
+    assert len(own_store.records()[0]) == len(stored.specs)
+
+
 def test_a_trial_that_runs_again_keeps_what_was_damaged(stored, own_store):
     path = own_store.path(trial_key(stored.specs[0]))
     whole = path.read_bytes()
