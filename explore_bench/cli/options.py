@@ -38,8 +38,9 @@ def tell_damaged(shards: Sequence[Path]) -> None:
     """Name the shards that were damaged and moved aside, where there are any."""
     if shards:
         names = ", ".join(path.name for path in shards)
-        sentence = f"{len(shards)} damaged records were moved to '{shards[0].parent}': {names}"
-        click.echo(f"explore-bench: {one_line(sentence)}; run their suite again.", err=True)
+        what = "1 damaged record was" if len(shards) == 1 else f"{len(shards)} damaged records were"
+        sentence = f"{what} moved to '{shards[0].parent}': {names}"
+        click.echo(f"explore-bench: {one_line(sentence)}; a run of their suite replaces them.", err=True)
 
 
 def world_options(command: Callable[..., Any]) -> Callable[..., Any]:

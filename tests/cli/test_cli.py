@@ -389,7 +389,7 @@ def test_a_damaged_record_is_named_and_run_again(call, smoke, tmp_path, command,
         content = bytearray(path.read_bytes())
         content[500] ^= 1
         path.write_bytes(content)
-    words = f"1 damaged records were moved to '{tmp_path / 'results' / 'runs' / 'damaged'}': {path.name}"
+    words = f"1 damaged record was moved to '{tmp_path / 'results' / 'runs' / 'damaged'}': {path.name}"
     if command == "report":
         code, out, err = call("report", "--results", tmp_path / "results")
         assert (code, err.count("\n")) == (0, 1)
