@@ -37,7 +37,7 @@ def describe(error: BaseException) -> str:
     """Return an exception as one line: its type and its first line that is not empty."""
     try:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    except Exception:
+    except BaseException:  # it may be a foreign one
         lines = []
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
 

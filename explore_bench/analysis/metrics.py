@@ -51,8 +51,8 @@ def finished(record: TrialRecord) -> bool:
 
 
 def broken_off(record: TrialRecord) -> bool:
-    """Whether a trial failed or got stuck, so that what only adds up along the way says nothing about it."""
-    return record.status in (Status.FAILED.value, Status.STUCK.value)
+    """Whether a trial failed, broke or got stuck, so that what only adds up along the way says nothing about it."""
+    return record.status in (Status.FAILED.value, Status.BROKEN.value, Status.STUCK.value)
 
 
 def score(record: TrialRecord, traces: str = "peak_trace") -> Score:

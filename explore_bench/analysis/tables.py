@@ -18,7 +18,7 @@ from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import weights_digest
 from explore_bench.records.store import Store
 from explore_bench.strategies.registry import entry_named, in_order, strategies
-from explore_bench.trial.spec import TrialSpec
+from explore_bench.trial.spec import Status, TrialSpec
 from explore_bench.world.kinds import kind_of
 
 PAPER_SCENARIO = "paper"
@@ -143,6 +143,18 @@ def write_trials(store: Store) -> pd.DataFrame:
     table = trial_table(store.records()[0])
     write_table(table, store.folder / "trials.csv")
     return table
+
+
+def measured(trials: pd.DataFrame) -> pd.DataFrame:
+    """Trials that say something of their strategies.
+
+    Where the simulator broke down in a trial, that strategy has none in that world, with any training seed.
+    """
+    place = ["scenario", "strategy", "size", "trial"]
+    broken = set(map(tuple, trials.loc[trials["status"] == Status.BROKEN.value, place].to_numpy().tolist()))
+    if not broken:
+        return trials
+    return trials[[tuple(row) not in broken for row in trials[place].to_numpy().tolist()]].reset_index(drop=True)
 
 
 def select(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:

@@ -15,6 +15,7 @@ from explore_bench.analysis.csv_files import KEYS, plain, read_csv
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.paired import Paired, paired
 from explore_bench.analysis.statistics import LEVEL, Estimate, holm
+from explore_bench.analysis.tables import measured
 from explore_bench.errors import RequestError
 
 COMPARED_METRICS = ("trajectory_error", "exploration_efficiency", "t90")
@@ -71,7 +72,7 @@ def compare_folders(a: Path, b: Path) -> FolderComparison:
     RequestError : where one of the folders has no trials.csv, or they share no world.
     """
     columns = (*KEYS, "world", "status", *COMPARED_METRICS)
-    tables = [read_csv(folder / "trials.csv", columns) for folder in (a, b)]
+    tables = [measured(read_csv(folder / "trials.csv", columns)) for folder in (a, b)]
     pair, left_out = _common(*tables)
     found = []
     others = dict(list(pair[1].groupby(CELL)))

@@ -55,4 +55,4 @@ def demo(
     record = draw_trial(spec, path)
     steps = record.steps["step"][-1]
     click.echo(f"{spec.strategy}, {size:g} m, world {trial}: {record.status} after {steps} steps; {path}")
-    return NO if record.status == "failed" else DONE
+    return NO if record.status in ("failed", "broken") else DONE

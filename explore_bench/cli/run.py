@@ -40,9 +40,17 @@ if TYPE_CHECKING:
 @click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")
 @click.option("--trials", type=int, metavar="N", help="Worlds a size.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")
-@click.option("--backend", type=click.Choice(["loky", "sequential", "dask"]), default="loky", show_default=True)
+@click.option(
+    "--backend", type=click.Choice(["processes", "sequential", "dask"]), default="processes", show_default=True
+)
 @click.option("--scheduler", metavar="ADDRESS", help="Of the dask cluster that runs the trials, with --backend dask.")
 @click.option("--timeout", type=click.FloatRange(0, 1e6, min_open=True), default=600.0, show_default=True, metavar="S")
+@click.option(
+    "--memory",
+    type=click.FloatRange(0, 1e6, min_open=True),
+    metavar="GIB",
+    help="What a trial may allocate (default: the machine's, over the processes).",
+)
 @world_options
 @root_option
 @results_option
@@ -56,6 +64,7 @@ def run(
     backend: str,
     scheduler: str | None,
     timeout: float,
+    memory: float | None,
     scenario: str | None,
     map_: str | None,
     resolution: float | None,
@@ -68,12 +77,14 @@ def run(
 
     if math.isnan(timeout):
         raise RequestError("timeout is nan; give the seconds that one trial may take.")
+    if memory is not None and math.isnan(memory):
+        raise RequestError("memory is nan; give the GiB that one trial may allocate.")
     physics, kept_as = physics_of(scenario, map_, resolution)
     asked = plan(suite, names, sizes, trials, seed, physics, kept_as)
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE
-    return _run(asked, results, seed, workers, backend, scheduler, timeout, dry_run)
+    return _run(asked, results, seed, workers, backend, scheduler, timeout, memory, dry_run)
 
 
 def _run(
@@ -84,6 +95,7 @@ def _run(
     backend: str,
     scheduler: str | None,
     timeout: float,
+    memory: float | None,
     dry_run: bool,
 ) -> int:
     from explore_bench.analysis.times import expected_seconds
@@ -112,15 +124,22 @@ def _run(
         return DONE
     try:
         with Progress(len(to_do)) as advance:
-            table = runner.complete(to_do, store, workers, backend, timeout, advance, scheduler)
+            table = runner.complete(to_do, store, workers, backend, timeout, advance, scheduler, memory)
         rows = runner.asked_for(table, asked.specs)
     except IncompleteError as error:
         click.echo(f"explore-bench: incomplete: {one_line(str(error))}.", err=True)
         return INCOMPLETE
     finally:
         tell_damaged(store.damaged)
-    failed = rows["status"] == "failed"
+    failed, broken = rows["status"] == "failed", rows["status"] == "broken"
     click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed.sum()} of those asked for failed")
+    if broken.any():
+        click.echo(
+            f"explore-bench: the simulator broke down in {broken.sum()} of them, which no table counts; report that: "
+            f"{rows.loc[broken, 'reason'].iloc[0]}",
+            err=True,
+        )
+        return INCOMPLETE
     if (failed & (rows["explored"] == 0.0)).all():
         click.echo(f"explore-bench: nothing was measured: {rows['reason'].iloc[0]}", err=True)
         return INCOMPLETE
@@ -152,7 +171,7 @@ class Progress:
 
     def _advance(self, outcome: Outcome) -> None:
         self._done += 1
-        if outcome.status.value in ("failed", "stuck"):
+        if outcome.status.value in ("failed", "stuck", "broken"):
             spec = outcome.spec
             place = f"{spec.strategy}, {spec.scenario.size:g} m, world {spec.trial}"
             click.echo(f"{outcome.status.value}: {place}: {one_line(outcome.reason)}", err=True)

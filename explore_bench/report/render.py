@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from explore_bench.analysis.csv_files import write_table
-from explore_bench.analysis.tables import of_paper, summary_table, trial_table, world_table
+from explore_bench.analysis.tables import measured, of_paper, summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
@@ -51,9 +51,14 @@ def write_report(folder: Path) -> Report:
     if not records:
         what = f"{stale} trials of older code or libraries" if stale else "no trials"
         raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
-    trials = trial_table(records)
+    every = trial_table(records)
+    trials = measured(every)
+    if not len(trials):
+        raise RequestError(
+            f"in all {len(records)} trials of results folder '{folder}' the simulator broke down; report that."
+        )
     with writing(folder), showing(record.spec for record in records):
-        files = [write_table(trials, folder / "trials.csv")]
+        files = [write_table(every, folder / "trials.csv")]
         worlds, own = world_table(records), kind_tables(records, trials)
         files += [write_table(worlds, folder / "worlds.csv")] if len(worlds) else []
         drawn = _write_kind_figures(records, trials, folder / "figures")

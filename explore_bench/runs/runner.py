@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, redirect_stdout, suppress
+from contextlib import closing, redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,12 @@ from explore_bench.errors import RequestError, unknown
 from explore_bench.records.provenance import trial_key
 from explore_bench.records.store import Store, missing
 from explore_bench.runs.workers import BACKENDS, IncompleteError
-from explore_bench.runs.workers.local import LOST, calls, default_workers, one_thread_each, run_here
-from explore_bench.runs.workers.task import Report, make_task
+from explore_bench.runs.workers.local import default_workers, results_of, run_here
+from explore_bench.runs.workers.memory import share_of_memory
+from explore_bench.runs.workers.process import READY, Answer, Job
+from explore_bench.runs.workers.task import Report, make_task, owner_of
 from explore_bench.strategies.loading import StrategyError, make_strategy
-from explore_bench.trial.containment import OutOfTime, one_process, time_limit
+from explore_bench.trial.containment import Signals, one_process, time_limit
 from explore_bench.trial.spec import Outcome, TrialSpec
 from explore_bench.world.kinds import draw_world
 
@@ -30,7 +32,7 @@ CHECK_SECONDS = 60.0
 """Seconds that a strategy may take to be made before the run; one that is slower is left to the limit of its trials."""
 
 
-def crew(backend: str = "loky", workers: int | None = None, scheduler: str | None = None) -> int:
+def crew(backend: str = "processes", workers: int | None = None, scheduler: str | None = None) -> int:
     """Return how many trials run at a time: as many as asked for, or a processor or a thread of the cluster each.
 
     Raises
@@ -62,11 +64,14 @@ def execute(
     specs: Sequence[TrialSpec],
     store: Store,
     workers: int,
-    backend: str = "loky",
+    backend: str = "processes",
     timeout: float = DEFAULT_TIMEOUT,
     scheduler: str | None = None,
+    memory: float | None = None,
 ) -> Iterator[Outcome]:
     """Run trials in parallel, store each as it ends and yield its outcome, in the order in which they end.
+
+    Those of the shipped strategies come first, then those of each foreign one together.
 
     Raises
     ------
@@ -75,8 +80,12 @@ def execute(
     """
     if not specs:
         return
-    longest_first = sorted(specs, key=lambda spec: (-spec.scenario.cell_count, spec.trial, spec.strategy))
-    tasks = [make_task(spec, timeout) for spec in longest_first]
+    longest_first = sorted(
+        specs, key=lambda spec: (owner_of(spec), -spec.scenario.cell_count, spec.trial, spec.strategy)
+    )
+    if backend != "dask":
+        memory = memory or share_of_memory(workers)
+    tasks = [make_task(spec, timeout, memory) for spec in longest_first]
     reports: Generator[Report]
     if backend == "dask":
         from explore_bench.runs.workers.cluster import run_there
@@ -84,7 +93,7 @@ def execute(
         assert scheduler is not None
         reports = run_there(tasks, scheduler, timeout)
     else:
-        reports = run_here(tasks, workers, backend, timeout)
+        reports = run_here(tasks, workers, backend)
     with closing(reports):
         for report in reports:
             store.keep(report.key, report.shard)
@@ -111,31 +120,36 @@ def check_runnable(
         if not spec.broken:
             unique.setdefault((spec.strategy, spec.training_seed), spec)
     if backend == "dask":
-        workers, backend = default_workers(), "loky"
+        workers, backend = default_workers(), "processes"
     seconds = min(timeout, CHECK_SECONDS)
-    tasks = [(i, spec, seconds) for i, spec in enumerate(unique.values())]
-    jobs = 1 if backend == "sequential" else min(workers, len(tasks))
-    refusals: dict[int, str] = {}
-    if tasks:
-        with one_thread_each(), suppress(*LOST):
-            refusals.update(calls(_refusal, tasks, jobs, backend, seconds))
-    sentences = [refusals[i] for i in sorted(refusals) if refusals[i]]
-    if sentences:
-        raise RequestError(sentences[0])
+    asked = list(unique.values())
+    if backend == "sequential":
+        refusals = {number: _refusal(spec, seconds) for number, spec in enumerate(asked)}
+    else:
+        jobs = [Job(tell_refusal, (spec, seconds), seconds, owner_of(spec)) for spec in asked]
+        refusals = {number: text for number, text in results_of(jobs, workers) if isinstance(text, str)}
+    for number in sorted(refusals):
+        if refusals[number]:
+            raise RequestError(refusals[number])
 
 
-def _refusal(number: int, spec: TrialSpec, seconds: float) -> tuple[int, str]:
+def tell_refusal(spec: TrialSpec, seconds: float, folder: Path) -> Iterator[Any]:
+    """Make a strategy once in this process, and tell what is wrong about asking for it: a Job."""
+    yield READY
+    yield Answer(_refusal(spec, seconds))
+
+
+def _refusal(spec: TrialSpec, seconds: float) -> str:
     """What is wrong about asking for a strategy, in a sentence; empty where nothing is."""
+    told, sentence = Signals(), ""
     try:
-        with redirect_stdout(sys.stderr), time_limit(seconds), one_process():
+        with redirect_stdout(sys.stderr), time_limit(seconds) as told, one_process():
             make_strategy(spec.factory, spec.arguments)
-    except StrategyError:
-        pass
-    except RequestError as error:
-        return number, str(error)
-    except OutOfTime:
-        pass
-    return number, ""
+    except BaseException as error:
+        sentence = str(error) if isinstance(error, RequestError) and not isinstance(error, StrategyError) else ""
+    if told.interrupted:
+        raise KeyboardInterrupt
+    return sentence
 
 
 def run(
@@ -145,9 +159,10 @@ def run(
     sizes: Sequence[float] = (),
     trials: int | None = None,
     workers: int | None = None,
-    backend: str = "loky",
+    backend: str = "processes",
     scheduler: str | None = None,
     timeout: float = DEFAULT_TIMEOUT,
+    memory: float | None = None,
     scenario: Any = None,
     seed: int = 0,
     results: str | Path = "results",
@@ -161,8 +176,10 @@ def run(
     strategies : instead of the suite's own: names, "module:factory" or "file.py:factory", with parameters in brackets
         where they take any, "entropy[alpha=0.5]".
     sizes, trials, seed : sizes [m], worlds a size and root seed instead of the suite's.
-    workers, backend, scheduler : processes and joblib backend; the address of a scheduler where that is dask.
-    timeout : seconds that a trial may take.
+    workers, backend, scheduler : processes; "processes", "sequential" (in this process, for a debugger) or "dask"; the
+        address of a scheduler where that is dask.
+    timeout, memory : seconds and memory [GiB] that a trial may take; the latter by default what the machine has, over
+        the number of processes.
     scenario : a Scenario, or a name or TOML file of one, instead of the paper's.
     results : folder of the records.
     progress : called with the outcome of every trial that runs.
@@ -188,7 +205,7 @@ def run(
     store.open(seed, "evaluate", asked.scenario)
     store.take(asked.specs)
     to_do = list(missing(store, asked.specs))
-    return asked_for(complete(to_do, store, workers, backend, timeout, progress, scheduler), asked.specs)
+    return asked_for(complete(to_do, store, workers, backend, timeout, progress, scheduler, memory), asked.specs)
 
 
 def asked_for(table: pd.DataFrame, specs: Sequence[TrialSpec]) -> pd.DataFrame:
@@ -214,10 +231,11 @@ def complete(
     specs: Sequence[TrialSpec],
     store: Store,
     workers: int,
-    backend: str = "loky",
+    backend: str = "processes",
     timeout: float = DEFAULT_TIMEOUT,
     progress: Callable[[Outcome], None] | None = None,
     scheduler: str | None = None,
+    memory: float | None = None,
 ) -> pd.DataFrame:
     """Run trials and write `trials.csv` and `times.csv`, also where the run ends early; returns all rows."""
     from explore_bench.analysis.tables import write_trials
@@ -225,7 +243,7 @@ def complete(
 
     outcomes: list[Outcome] = []
     try:
-        for outcome in execute(specs, store, workers, backend, timeout, scheduler):
+        for outcome in execute(specs, store, workers, backend, timeout, scheduler, memory):
             outcomes.append(outcome)
             if progress:
                 progress(outcome)

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from explore_bench.errors import one_line
 from explore_bench.robot.belief import Belief
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
@@ -95,6 +96,23 @@ class Patience:
             self._cell = -1
 
 
+def answer_of(choice: object) -> int | Target:
+    """Return an answer in plain numbers, whatever type of its own a strategy made of it.
+
+    Raises
+    ------
+    ChoiceError : where it is neither an integer nor a Target with a place.
+    """
+    if isinstance(choice, Target):
+        return Target(place_of(choice))
+    if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
+        raise ChoiceError(
+            f"the answer {_shown(choice)} is of type {type(choice).__name__}; answer the integer index of a "
+            "candidate, from 0, or a Target"
+        )
+    return int.__int__(choice) if isinstance(choice, int) else int(np.integer.__int__(choice))
+
+
 def checked(choice: object, count: int, roads: Roads) -> int | Target:
     """Return a choice as it may be carried out: the index of one of `count` candidates, or a Target on the roads.
 
@@ -102,16 +120,12 @@ def checked(choice: object, count: int, roads: Roads) -> int | Target:
     ------
     ChoiceError : for anything else.
     """
-    if isinstance(choice, Target):
-        return _on_roads(place_of(choice), roads)
-    if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
-        raise ChoiceError(
-            f"the answer {_shown(choice)} is of type {type(choice).__name__}; "
-            f"answer an integer index, 0 to {count - 1}, or a Target"
-        )
-    if not 0 <= choice < count:
-        raise ChoiceError(f"the answer {_shown(choice)} is not the index of a candidate; answer 0 to {count - 1}")
-    return int(choice)
+    answer = answer_of(choice)
+    if isinstance(answer, Target):
+        return _on_roads(answer.position, roads)
+    if not 0 <= answer < count:
+        raise ChoiceError(f"the answer {_shown(answer)} is not the index of a candidate; answer 0 to {count - 1}")
+    return answer
 
 
 def place_of(target: Target) -> tuple[float, float]:
@@ -123,7 +137,7 @@ def place_of(target: Target) -> tuple[float, float]:
     """
     try:
         x, y = (_number(value) for value in itertools.islice(iter(target.position), 3))
-    except Exception:
+    except BaseException:
         raise ChoiceError(f"the target {_shown_place(target)} is no place; give its x and y in metres") from None
     if not (math.isfinite(x) and math.isfinite(y)):
         raise ChoiceError(f"the target {_shown_place(target)} is not finite; give its x and y in metres")
@@ -159,13 +173,13 @@ def _on_roads(place: tuple[float, float], roads: Roads) -> Target:
 def _shown_place(target: Target) -> str:
     try:
         return _shown(target.position)
-    except Exception:
+    except BaseException:
         return "without a position"
 
 
 def _shown(value: object) -> str:
     """Return a value in a few words on one line, whatever a strategy made of it."""
     try:
-        return " ".join(reprlib.repr(value).split())[:100]
-    except Exception:
+        return one_line(reprlib.repr(value), 100)
+    except BaseException:
         return "that cannot be shown"

@@ -16,8 +16,8 @@ from explore_bench.geometry import Array
 from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.strategies.loading import StrategyError, check_methods, make_strategy
-from explore_bench.trial.containment import OutOfTime, one_process, time_limit
-from explore_bench.trial.explorer import ChoiceError, place_of
+from explore_bench.trial.containment import Signals, is_breakdown, one_process, time_limit
+from explore_bench.trial.explorer import ChoiceError, answer_of
 from explore_bench.trial.loop import Ending, rollout
 from explore_bench.trial.snapshot import Snapshot, take_snapshot
 from explore_bench.trial.spec import Status, TrialSpec
@@ -55,12 +55,21 @@ class TrialResult:
     notes: dict[str, float] = field(default_factory=dict)
 
 
+class BreakdownError(RuntimeError):
+    """The simulation broke down on its own, between two choices."""
+
+
 def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) -> TrialResult:
     """Run one trial: a pure function of its spec but for the times.
 
     Whatever the strategy does wrong (raise, answer nonsense, take longer than `timeout` [s]) makes the result
-    `failed` with a reason; the rows up to there are kept. What it prints goes to stderr, and a process that it forks
-    off ends when it comes back from the strategy.
+    `failed` with a reason; the rows up to there are kept. Where it is the simulator or its SLAM that breaks down, the
+    result is `broken`. What a strategy prints goes to stderr, and a process that it forks off ends when it comes back
+    from it.
+
+    Raises
+    ------
+    KeyboardInterrupt : where the user, and not the strategy, wants it to end.
     """
     begin = time.perf_counter()
     world = draw_world(spec.scenario, spec.generator("world"))
@@ -70,8 +79,9 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     final_poses, final_covariances = np.empty((0, 3)), np.empty((0, 3))
     status, reason, transient = Status.FAILED, "", False
     notes: dict[str, float] = {}
+    told = Signals()
     try:
-        with redirect_stdout(sys.stderr), time_limit(timeout):
+        with redirect_stdout(sys.stderr), time_limit(timeout) as told:
             strategy = _begin(spec, world)
             events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"), lap)
             ending = _play(events, strategy, steps, snapshots, seconds)
@@ -82,22 +92,26 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
             counted = slice(-len(steps), None)  # moves at the start have poses, and no row
             final_poses = ending.belief.poses[counted]
             final_covariances = ending.belief.pose_covariances[counted, [0, 0, 1], [0, 1, 1]]
-    except OutOfTime:
-        transient = True
-        reason = f"took longer than the {timeout:g} s allowed"
     except ChoiceError as error:
         reason = str(error)
-    except KeyboardInterrupt:
-        raise
     except RequestError as error:
         transient = not steps
         reason = " ".join(str(error).split())
     except (MemoryError, OSError) as error:
         transient = True
         reason = describe(error)
+    except BreakdownError as error:
+        status, reason = Status.BROKEN, str(error)
     except BaseException as error:
+        status = Status.BROKEN if is_breakdown(error) else Status.FAILED
         reason = describe(error)
-    if status is Status.FAILED:
+    if told.interrupted:
+        raise KeyboardInterrupt
+    if told.expired:  # whatever became of it: what was chosen after that depends on the machine
+        status, transient = Status.FAILED, True
+        reason = f"took longer than the {timeout:g} s allowed"
+        notes, final_poses, final_covariances = {}, final_poses[:0], final_covariances[:0]
+    if status in (Status.FAILED, Status.BROKEN):
         reason += f" (at decision {len(seconds) - 1})" if seconds else " (before the first decision)"
     return TrialResult(
         spec=spec,
@@ -145,6 +159,10 @@ def _play(
         except StopIteration as stop:
             ending: Ending = stop.value
             return ending
+        except (ChoiceError, MemoryError, OSError):
+            raise
+        except Exception as error:
+            raise BreakdownError(describe(error)) from error
         choice = None
         if isinstance(event, Step):
             steps.append(event)
@@ -155,9 +173,7 @@ def _play(
         begin = time.perf_counter()
         try:
             with one_process():
-                choice = strategy.choose(event)
-                if isinstance(choice, Target):
-                    choice = Target(place_of(choice))
+                choice = answer_of(strategy.choose(event))
         finally:
             seconds[-1] = time.perf_counter() - begin
         snapshots[len(steps) - 1] = _with_answer(snapshot, choice, count)
@@ -167,6 +183,6 @@ def _with_answer(snapshot: Snapshot, choice: object, count: int) -> Snapshot:
     """Snapshot with what was answered; what can be neither chosen nor driven to is said in the trial's reason."""
     if isinstance(choice, Target):
         return snapshot._replace(target=list(choice.position))
-    if isinstance(choice, int | np.integer) and not isinstance(choice, bool) and 0 <= choice < count:
-        return snapshot._replace(choice=int(choice))
+    if isinstance(choice, int) and 0 <= choice < count:
+        return snapshot._replace(choice=choice)
     return snapshot

@@ -15,12 +15,13 @@ from explore_bench.world.scenario import Scenario
 
 
 class Status(StrEnum):
-    """How a trial ended."""
+    """How a trial ended: `failed` is the strategy's fault, `broken` that of the simulator or its SLAM."""
 
     EXPLORED = "explored"
     STEP_LIMIT = "step_limit"
     STUCK = "stuck"
     FAILED = "failed"
+    BROKEN = "broken"
 
 
 @dataclass(frozen=True)

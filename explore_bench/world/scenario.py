@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -206,6 +206,12 @@ class Scenario(BaseModel):
     def blind(self) -> Scenario:
         """The constants that the robot may know: all but a given map."""
         return self if self.map is None else self.replace(map=None)
+
+    @property
+    def twin(self) -> Self:
+        """An equal scenario that shares nothing with this one: whoever gets it can only change his own."""
+        values = {name: self.__dict__[name] for name in type(self).model_fields}
+        return cast("Self", type(self).model_construct(set(self.model_fields_set), **values))
 
     @property
     def tiny(self) -> Scenario:

@@ -14,7 +14,7 @@ from explore_bench.records.store import Store, missing
 from explore_bench.runs import runner
 from explore_bench.runs.runner import check_runnable, complete, default_workers, execute
 from explore_bench.runs.suites import plan
-from explore_bench.runs.workers import IncompleteError, local
+from explore_bench.runs.workers import process
 from explore_bench.trial.spec import Status
 
 
@@ -356,14 +356,14 @@ PERILOUS = {
 def test_a_plugin_that_is_perilous_to_import_is_a_failed_row_and_the_others_run(store, tmp_path, monkeypatch, kind):
     monkeypatch.setattr(runner, "CHECK_SECONDS", 1.0)
     specs = tiny_plan([write_plugin(tmp_path, head=PERILOUS[kind]), "nearest"], trials=1)
-    check_runnable(specs, 2, "loky", 2.0)
+    check_runnable(specs, 2, "processes", 2.0)
     table = complete(specs, store, 2, timeout=2.0)
     assert dict(zip(table["strategy"], table["status"], strict=True)) == {"Plugin": "failed", "nearest": "explored"}
 
 
 def test_strategies_are_looked_at_in_other_processes(tmp_path):
     head = f"import os, pathlib; pathlib.Path({str(tmp_path)!r}, 'pid').write_text(str(os.getpid()))"
-    check_runnable(tiny_plan([write_plugin(tmp_path, head=head)], trials=1), 1, "loky")
+    check_runnable(tiny_plan([write_plugin(tmp_path, head=head)], trials=1), 1, "processes")
     assert int((tmp_path / "pid").read_text()) != os.getpid()
 
 
@@ -371,7 +371,7 @@ def test_a_wrong_request_is_found_in_a_worker_beside_a_broken_plugin(tmp_path):
     broken = write_plugin(tmp_path, head="1 / 0", name="broken").replace(":Plugin", ":Broken")
     specs = tiny_plan([broken, "nearest", "entropy[alpah=1]", "entropy[beta=1]"], trials=1)
     with pytest.raises(RequestError, match="alpah"):
-        check_runnable(specs, 2, "loky")
+        check_runnable(specs, 2, "processes")
 
 
 def test_a_strategy_that_forks_leaves_a_store_as_one_that_does_not(store, tmp_path):
@@ -406,13 +406,15 @@ def test_a_trial_whose_worker_is_killed_from_outside_runs_again_and_counts(store
     assert list(missing(store, specs)) == []
 
 
-def test_a_trial_that_cannot_be_interrupted_ends_the_run_as_incomplete(store, tmp_path, monkeypatch):
-    monkeypatch.setattr(local, "GRACE", 8.0)
+def test_a_trial_that_cannot_be_interrupted_is_killed_and_the_others_run(store, tmp_path, monkeypatch):
+    monkeypatch.setattr(process, "GRACE", 2.0)
     lines = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGALRM])\nsignal.pause()"
     good, bad = later_on(tmp_path, lines)
-    with pytest.raises(IncompleteError, match="could not be interrupted"):
-        complete([*good, *bad], store, 2, timeout=2.0)
-    assert list(missing(store, [*good, *bad])) == list(bad)
+    table = complete([*good, *bad], store, 2, timeout=2.0).set_index("strategy")
+    assert set(table.loc["nearest", "status"]) == {"explored"}
+    assert table.loc["Plugin", "status"] == "failed"
+    assert table.loc["Plugin", "reason"] == "took longer than the 2 s allowed and could not be interrupted"
+    assert list(missing(store, [*good, *bad])) == list(bad), "it is worth another try"
 
 
 def test_a_world_that_cannot_be_drawn_is_a_wrong_request(store, monkeypatch):

@@ -107,7 +107,7 @@ class Smoother:
         """Freeze what is known; later updates leave it untouched."""
         shape = self.scenario.grid.shape
         belief = Belief(
-            scenario=self.scenario,
+            scenario=self.scenario.twin,
             poses=self.poses.copy(),
             pose_covariances=self.pose_covariances.copy(),
             landmarks=self.landmarks.copy(),

@@ -55,7 +55,7 @@ class Mapper:
         scenario, slam = self.scenario, self.slam
         shape, fine = scenario.grid.shape, slam.map.frozen()
         belief = Belief(
-            scenario=scenario,
+            scenario=scenario.twin,
             poses=slam.poses.copy(),
             pose_covariances=slam.covariances.copy(),
             landmarks=np.empty((0, 2)),

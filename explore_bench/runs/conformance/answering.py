@@ -79,7 +79,7 @@ def plays(evidence: Evidence) -> str:
     """Its own trials went to an end."""
     found = evidence.examination
     for tour, played in found.trials.items():
-        if played.status is Status.FAILED:
+        if played.status in (Status.FAILED, Status.BROKEN):
             raise BrokenError(f"{tour.name} failed: {played.reason}")
     if found.death:
         raise BrokenError(f"the process that it ran in {found.death}")

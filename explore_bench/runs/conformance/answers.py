@@ -17,7 +17,7 @@ from explore_bench.runs.conformance.digest import changed_part, digests
 from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import Tour, observations
 from explore_bench.strategies.contract import Observation, Target
-from explore_bench.trial.containment import OutOfTime, time_limit
+from explore_bench.trial.containment import Signals, time_limit
 from explore_bench.trial.explorer import ChoiceError, checked
 from explore_bench.trial.loop import rollout
 from explore_bench.world.kinds import draw_world
@@ -87,9 +87,10 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"))
     given: list[Answer] = []
     drawn: list[str] = []
-    error, refused, late, own = "", "", False, os.getpid()
+    error, refused, own = "", "", os.getpid()
+    told = Signals()
     try:
-        with contextlib.redirect_stdout(sys.stderr), time_limit(subject.timeout):
+        with contextlib.redirect_stdout(sys.stderr), time_limit(subject.timeout) as told:
             strategy = subject.make() if strategy is None else strategy
             with watched(chance, drawn):
                 if spec.reference:
@@ -97,10 +98,6 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
                 else:
                     strategy.reset(tour.generator("strategy"))
                 _ask(events, strategy, shown, given)
-    except OutOfTime:
-        error, late = f"it took longer than the {subject.timeout:g} s allowed", True
-    except KeyboardInterrupt:
-        raise
     except BaseException as raised:
         error = f"it raised {describe(raised)}"
         if isinstance(raised, RequestError) and not given:
@@ -108,10 +105,14 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     finally:
         if os.getpid() != own:  # it forked and came back twice
             os._exit(0)
+    if told.interrupted:
+        raise KeyboardInterrupt
+    if told.expired:
+        error, refused = f"it took longer than the {subject.timeout:g} s allowed", ""
     modified = next(filter(None, map(changed_part, before, shown)), "")
     if modified:
         observations.cache_clear()
-    return Answers(tuple(given), counts, error, refused, late, modified, tuple(drawn))
+    return Answers(tuple(given), counts, error, refused, told.expired, modified, tuple(drawn))
 
 
 def _ask(events: Generator[Any, Any, Any], strategy: Any, shown: tuple[Observation, ...], given: list[Answer]) -> None:

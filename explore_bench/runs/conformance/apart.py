@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, describe
 from explore_bench.records.store import Store
 from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.subject import Subject
@@ -21,7 +21,7 @@ from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, T
 from explore_bench.runs.runner import execute
 from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import StrategyError, check_methods
-from explore_bench.trial.containment import OutOfTime, time_limit
+from explore_bench.trial.containment import Signals, time_limit
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status
 
@@ -175,24 +175,23 @@ def _refusal(subject: Subject) -> str:
     """Why a strategy cannot be made; empty where it can."""
     if subject.entry.broken:
         return subject.entry.broken
+    told, refusal = Signals(), ""
     try:
-        with time_limit(subject.timeout):
+        with time_limit(subject.timeout) as told:
             check_methods(subject.make(), subject.entry.reference)
-    except OutOfTime:
-        return f"its import took longer than the {subject.timeout:g} s allowed"
     except StrategyError as error:
-        return str(error).rstrip(".")
-    return ""
+        refusal = str(error).rstrip(".")
+    except RequestError:
+        raise
+    except BaseException as error:
+        refusal = f"making it raised {describe(error)}"
+    return f"its import took longer than the {subject.timeout:g} s allowed" if told.expired else refusal
 
 
 def run_in_workers(subject: Subject, tours: Sequence[Tour]) -> dict[Tour, Played]:
     """Run its trials in the worlds of tours as `explore_bench.run` does: in worker processes, stored and read again.
 
     The tours' numbers differ.
-
-    Raises
-    ------
-    IncompleteError : where one could not be interrupted.
     """
     found = {}
     with TemporaryDirectory() as folder:

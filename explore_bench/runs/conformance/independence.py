@@ -9,7 +9,6 @@ from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.evidence import Evidence
 from explore_bench.runs.conformance.finding import BrokenError, NotApplicableError
 from explore_bench.runs.conformance.tours import ORDINARY, Tour
-from explore_bench.runs.workers import IncompleteError
 from explore_bench.trial.spec import Status
 
 
@@ -65,13 +64,9 @@ def truth(evidence: Evidence) -> str:
 
 def worker(evidence: Evidence) -> str:
     """The runner's worker processes store the same choices."""
-    try:
-        trials = evidence.in_workers
-    except IncompleteError as error:
-        raise BrokenError(str(error)) from None
-    for tour, there in trials.items():
+    for tour, there in evidence.in_workers.items():
         here = evidence.examination.trials[tour]
-        if there.status is Status.FAILED:
+        if there.status in (Status.FAILED, Status.BROKEN):
             raise BrokenError(f"{tour.name} failed there: {there.reason}")
         if there.choices != here.choices:
             raise BrokenError(f"{tour.name}, {_otherwise(here.choices, there.choices)} there")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-BACKENDS = ("loky", "sequential", "dask")
+BACKENDS = ("processes", "sequential", "dask")
 
-GRACE = 60.0
-"""Seconds beyond its limit after which a trial counts as one that cannot be interrupted."""
+GRACE = 20.0
+"""Seconds beyond its limit after which what cannot be interrupted is killed."""
 
 THREAD_SETTINGS = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "TBB_NUM_THREADS"), "1"

@@ -15,8 +15,9 @@ from joblib._dask import DaskDistributedBackend
 
 from explore_bench.errors import RequestError, describe
 from explore_bench.runs.workers import GRACE, IncompleteError
+from explore_bench.runs.workers.apart import run_apart
 from explore_bench.runs.workers.parcel import pack
-from explore_bench.runs.workers.process import START, run_apart
+from explore_bench.runs.workers.process import START
 from explore_bench.runs.workers.task import Report, Task
 
 logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what it finds is said in one sentence

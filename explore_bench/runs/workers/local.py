@@ -1,38 +1,15 @@
-"""Worker processes of this machine, through joblib."""
+"""Processes of this machine: so many at a time, each for the shipped strategies or for a foreign one."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import threading
 import time
-import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import cache
-from typing import Any, TypeVar
+from collections.abc import Generator, Sequence
+from multiprocessing.connection import wait
+from typing import Any
 
-import joblib
-from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-from explore_bench.runs.workers import GRACE, THREAD_SETTINGS, IncompleteError
-from explore_bench.runs.workers.task import PROCESS_DIED, Report, Task, lost, perform, warm_up
-
-warnings.filterwarnings("ignore", r"\d+ tasks ", UserWarning, "joblib")  # what an interrupted run leaves runs again
-warnings.filterwarnings("ignore", "A worker stopped ", UserWarning, "joblib")  # one that has grown is replaced
-
-AHEAD = 2
-"""Trials handed out for each worker before their turn."""
-
-PARENT_SECONDS = 1.0
-"""How often a worker looks whether its parent is still there."""
-
-TIMEOUTS = (TimeoutError, multiprocessing.TimeoutError)
-
-LOST = (TerminatedWorkerError, *TIMEOUTS)
-"""Errors of `calls` when a process ended or hung, and took results with it."""
-
-Result = TypeVar("Result")
+from explore_bench.runs.workers.process import Job, LostError, Process, ProcessDiedError
+from explore_bench.runs.workers.task import Report, Task, lost, perform, run_task, warm_up
 
 
 def default_workers() -> int:
@@ -40,100 +17,78 @@ def default_workers() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def run_here(tasks: Sequence[Task], workers: int, backend: str, timeout: float) -> Generator[Report]:
-    """Run tasks in processes of this machine and yield their reports in the order in which they end.
+def run_here(tasks: Sequence[Task], workers: int, backend: str) -> Generator[Report]:
+    """Run tasks on this machine and yield their reports in the order in which they end.
 
-    When a worker process dies, the trials that may have killed it run again, each in a process of its own; one whose
-    process dies again has failed.
+    They run in processes of their own, unless the backend is sequential: then one after the other in this one, where
+    a debugger can follow and nothing is contained.
+    """
+    if backend == "sequential":
+        yield from map(perform, tasks)
+        return
+    warm_up(tasks[0].spec.scenario.tiny)  # lest each process compile its own
+    jobs = [Job(run_task, (task,), task.timeout, task.owner) for task in tasks]
+    for number, found in results_of(jobs, workers):
+        yield lost(tasks[number], str(found)) if isinstance(found, LostError) else found
+
+
+def results_of(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Any]]:
+    """Have jobs done by so many processes; yields the number and the result of each as they end.
+
+    A job whose process dies is done once more in a new one; the result of one that is lost is a LostError.
 
     Raises
     ------
-    IncompleteError : when a trial could not be interrupted.
+    RequestError : the first of a job.
     """
-    jobs = 1 if backend == "sequential" else min(workers, len(tasks))
-    waiting = dict(enumerate(tasks))
-    with one_thread_each():
-        if backend != "sequential":
-            warm_up(tasks[0].spec)
-        try:
-            while waiting:
+    waiting, again = list(range(len(jobs))), set[int]()
+    idle: list[Process] = []
+    doing: dict[Process, int] = {}
+    try:
+        while waiting or doing:
+            while waiting and len(doing) < workers:
+                process, number = _next(jobs, waiting, idle, doing)
+                process.begin(jobs[number])
+                doing[process] = number
+            wait([each.pipe for each in doing], max(min(each.deadline for each in doing) - time.monotonic(), 0.0))
+            for process, number in list(doing.items()):
                 try:
-                    for number, report in calls(_numbered, list(waiting.items()), jobs, backend, timeout):
-                        del waiting[number]
-                        yield report
-                except TerminatedWorkerError:
-                    for number in list(waiting)[: AHEAD * jobs]:  # joblib hands tasks out in order
-                        yield _alone(waiting.pop(number), backend, timeout)
-        except TIMEOUTS:
-            raise IncompleteError(
-                f"a trial took longer than {timeout:g} s and could not be interrupted; mend its strategy"
-            ) from None
-
-
-def calls(
-    function: Callable[..., Result], arguments: Iterable[tuple[Any, ...]], jobs: int, backend: str, seconds: float
-) -> Iterator[Result]:
-    """Results of calls as they end: in other processes, which a strategy might end, unless the backend is sequential.
-
-    Raises
-    ------
-    TerminatedWorkerError, TimeoutError : LOST, when a process died, or none answered for `seconds` and GRACE.
-    """
-    parallel = joblib.Parallel(
-        n_jobs=1 if backend == "sequential" else max(jobs, 2),
-        backend=backend,
-        return_as="generator_unordered",
-        pre_dispatch=AHEAD * jobs if jobs > 1 else 1,  # one at a time is one worker at work
-        timeout=None if backend == "sequential" else seconds + GRACE,
-    )
-    here = 0 if backend == "sequential" else os.getpid()
-    yield from parallel(joblib.delayed(_called)(here, function, *each) for each in arguments)
-
-
-def _called(parent: int, function: Callable[..., Result], *arguments: Any) -> Result:
-    """Result of a call, in a process that ends with its parent."""
-    if parent and parent == os.getppid():
-        _end_with(parent)
-    return function(*arguments)
-
-
-@cache
-def _end_with(parent: int) -> None:
-    """End this process when its parent is gone, however that ended: nobody waits for the results any more."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_SECONDS)
-        os._exit(1)
-
-    threading.Thread(target=watch, name="parent", daemon=True).start()
-
-
-def _numbered(number: int, task: Task) -> tuple[int, Report]:
-    return number, perform(task)
-
-
-def _alone(task: Task, backend: str, timeout: float) -> Report:
-    """Run a trial in a process that runs nothing else; should that die, the trial has failed."""
-    try:
-        return next(calls(perform, [(task,)], 1, backend, timeout))
-    except TerminatedWorkerError:
-        return lost(task, PROCESS_DIED)
-
-
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Set the environment that worker processes inherit, and restore it."""
-    # joblib's own process, which tidies up after one that was killed, would complain of what it found
-    told = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), "ignore:resource_tracker")))
-    settings = THREAD_SETTINGS | {"PYTHONWARNINGS": told}
-    old = {name: os.environ.get(name) for name in settings}
-    os.environ.update(settings)
-    try:
-        yield
+                    answer = process.take()
+                except LostError as error:
+                    del doing[process]
+                    process.end()
+                    if isinstance(error, ProcessDiedError) and number not in again:
+                        again.add(number)
+                        waiting.insert(0, number)
+                    else:
+                        yield number, error
+                    continue
+                if answer is None:
+                    continue
+                del doing[process]
+                if answer.last:
+                    process.end()
+                else:
+                    idle.append(process)
+                yield number, answer.value
     finally:
-        for name, value in old.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for process in (*idle, *doing):
+            process.end()
+
+
+def _next(
+    jobs: Sequence[Job], waiting: list[int], idle: list[Process], doing: dict[Process, int]
+) -> tuple[Process, int]:
+    """Take out what is to be done next, and the process for it: for an owner that has one already, if possible."""
+    for process in idle:
+        for number in waiting:
+            if jobs[number].owner == process.owner:
+                idle.remove(process)
+                waiting.remove(number)
+                return process, number
+    while idle:
+        idle.pop().end()
+    served = {process.owner for process in doing}
+    number = next((number for number in waiting if jobs[number].owner not in served), waiting[0])
+    waiting.remove(number)
+    return Process(jobs[number].owner), number

@@ -2,28 +2,46 @@
 
 from __future__ import annotations
 
+import os
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from explore_bench.records.encoding import encode
 from explore_bench.records.provenance import trial_key
+from explore_bench.runs.workers.memory import memory_limit, share_of_memory
+from explore_bench.runs.workers.process import READY, Answer
+from explore_bench.strategies.entry import parse_factory
 from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import Outcome, Status, TrialSpec
 from explore_bench.world.kinds import draw_world
+from explore_bench.world.scenario import Scenario
 
-PROCESS_DIED = "its worker process died (killed, or out of memory)"
+SHIPPED = ("baselines", "explore_bench")
+"""Packages whose strategies may share a process."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A trial to run, the key under which it will be stored, and the seconds that it may take."""
+    """A trial to run, the key under which it will be stored, and the seconds and the memory [GiB] that it may take.
+
+    Without a limit of memory it is the share of a processor of the machine that runs it.
+    """
 
     spec: TrialSpec
     key: str
     timeout: float
+    memory: float | None = None
+
+    @property
+    def owner(self) -> str:
+        """Whose code it runs: that of a foreign strategy, or nobody's in particular."""
+        return owner_of(self.spec)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,16 +53,41 @@ class Report:
     outcome: Outcome
 
 
-def make_task(spec: TrialSpec, timeout: float) -> Task:
+def owner_of(spec: TrialSpec) -> str:
+    """Strategy whose code a trial runs beside that of this project; empty where there is none."""
+    place, _ = parse_factory(spec.factory)
+    return "" if place.partition(".")[0] in SHIPPED else f"{spec.strategy} ({spec.factory})"
+
+
+def make_task(spec: TrialSpec, timeout: float, memory: float | None = None) -> Task:
     """Task of a trial, with the key that its code has now."""
-    return Task(spec, trial_key(spec), timeout)
+    return Task(spec, trial_key(spec), timeout, memory)
 
 
-def perform(task: Task, here: TrialSpec | None = None) -> Report:
-    """Run a trial in this process; `here` is the same trial with the paths that its files have on this machine."""
+def run_task(task: Task, folder: Path) -> Iterator[Any]:
+    """Run a trial in a process of its own or its owner's: a Job.
+
+    One that failed for want of time or memory may have left what others would trip over: its Answer is the last.
+    """
+    yield from perform_ready(task, task.spec)
+
+
+def perform_ready(task: Task, here: TrialSpec) -> Iterator[Any]:
+    """Run a task once all is compiled; `here` is its trial with the paths that its files have on this machine."""
+    warm_up(here.scenario.tiny)
+    yield READY
+    with memory_limit(task.memory or share_of_memory(os.cpu_count() or 1)):
+        begin = time.perf_counter()
+        result = run_trial(here, task.timeout)
+        seconds = time.perf_counter() - begin
+    yield Answer(_report(task, result, seconds), last=result.transient)
+
+
+def perform(task: Task) -> Report:
+    """Run a trial in this process."""
     begin = time.perf_counter()
-    result = run_trial(here or task.spec, task.timeout)
-    return _report(task, replace(result, spec=task.spec), time.perf_counter() - begin)
+    result = run_trial(task.spec, task.timeout)
+    return _report(task, result, time.perf_counter() - begin)
 
 
 def lost(task: Task, reason: str) -> Report:
@@ -67,8 +110,9 @@ def lost(task: Task, reason: str) -> Report:
 
 
 def _report(task: Task, result: TrialResult, seconds: float) -> Report:
+    result = replace(result, spec=task.spec)
     outcome = Outcome(
-        spec=result.spec,
+        spec=task.spec,
         status=result.status,
         reason=result.reason,
         steps=max(len(result.steps) - 1, 0),
@@ -78,10 +122,10 @@ def _report(task: Task, result: TrialResult, seconds: float) -> Report:
     return Report(task.key, encode(result), outcome)
 
 
-def warm_up(spec: TrialSpec) -> None:
-    """Compile and cache the harness's kernels in this process, lest each worker compile its own."""
-    task = "explore_bench.runs.workers.task:WarmUp"
-    run_trial(TrialSpec("warm-up", task, spec.scenario.tiny, trial=0, purpose="calibrate"))
+@cache
+def warm_up(scenario: Scenario) -> None:
+    """Compile and cache all that trials of a scenario run, in this process; a tiny one does."""
+    run_trial(TrialSpec("warm-up", f"{__name__}:WarmUp", scenario, trial=0, purpose="calibrate"))
 
 
 class WarmUp:

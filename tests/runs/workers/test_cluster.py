@@ -86,13 +86,13 @@ class Broken:
 
 
 @pytest.mark.slow
-def test_two_dask_workers_give_the_same_files_as_loky_byte_for_byte(two_workers, tmp_path, trained):
+def test_two_dask_workers_give_the_same_files_as_this_machine_byte_for_byte(two_workers, tmp_path, trained):
     """Strategies with and without weights, of files of this machine, one that is told the truth and one that fails."""
     trained(0, 1)
     (tmp_path / "broken.py").write_text(BROKEN)
     names = ["random", "clairvoyant", "gcn-obs", write_plugin(tmp_path), f"{tmp_path / 'broken.py'}:Broken"]
     specs = tiny_plan(names, trials=3)
-    there, here = opened(tmp_path / "dask"), opened(tmp_path / "loky")
+    there, here = opened(tmp_path / "dask"), opened(tmp_path / "here")
     table, outcomes = on(two_workers, specs, there)
     complete(specs, here, 2)
     assert sorted(set(table["status"])) == ["explored", "failed"], table["reason"].iloc[0]

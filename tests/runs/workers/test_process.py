@@ -13,9 +13,9 @@ import pytest
 from handmade import tiny_plan, write_plugin
 
 from explore_bench.records.encoding import encode
-from explore_bench.runs.workers import process
+from explore_bench.runs.workers import apart, process
+from explore_bench.runs.workers.apart import run_apart
 from explore_bench.runs.workers.parcel import OtherCodeError, pack
-from explore_bench.runs.workers.process import run_apart
 from explore_bench.runs.workers.task import make_task
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status
@@ -28,13 +28,13 @@ def parcel_of(factory, timeout=60.0):
 @pytest.fixture(scope="module", autouse=True)
 def _end_of_the_process():
     yield
-    if own := getattr(process._own, "process", None):
+    if own := getattr(apart._own, "process", None):
         own.end()
-        process._own.process = None
+        apart._own.process = None
 
 
 def own_pid():
-    return process._own.process._process.pid
+    return apart._own.process._process.pid
 
 
 def alive(pid):
@@ -65,7 +65,7 @@ def test_trials_of_one_thread_share_a_process_and_those_of_another_have_theirs()
 
     def elsewhere():
         run_apart(parcel)
-        others.append(process._own.process)
+        others.append(apart._own.process)
 
     thread = threading.Thread(target=elsewhere)
     thread.start()
@@ -74,13 +74,24 @@ def test_trials_of_one_thread_share_a_process_and_those_of_another_have_theirs()
     others[0].end()
 
 
-def test_a_trial_that_hangs_is_stopped_and_its_process_goes_on(tmp_path):
-    run_apart(parcel_of("nearest"))
-    mine = own_pid()
-    outcome = run_apart(parcel_of(write_plugin(tmp_path, "while True: pass"), timeout=1.0)).outcome
+def test_a_trial_that_hangs_is_stopped_and_the_next_has_another_process(tmp_path):
+    """What hung may have left threads, locks or a full memory."""
+    parcel = parcel_of(write_plugin(tmp_path, "while True: pass"), timeout=1.0)
+    outcome = run_apart(parcel).outcome
     assert outcome.reason == "took longer than the 1 s allowed (at decision 1)"
     assert outcome.steps > 0, "the rows up to there are kept"
-    assert own_pid() == mine
+    assert apart._own.process is None
+
+
+def test_a_foreign_strategy_shares_its_process_with_no_other(tmp_path):
+    first, second = (parcel_of(write_plugin(tmp_path, name=name)) for name in ("one", "two"))
+    pids = []
+    for parcel in (parcel_of("nearest"), parcel_of("random"), first, first, second, parcel_of("nearest")):
+        assert run_apart(parcel).outcome.status is Status.EXPLORED
+        pids.append(own_pid())
+    assert [pids[0] == pid for pid in pids] == [True, True, False, False, False, False]
+    assert pids[2] == pids[3]
+    assert len(set(pids)) == 4
 
 
 @pytest.mark.slow
@@ -91,7 +102,7 @@ def test_a_trial_that_cannot_be_interrupted_is_killed(tmp_path, monkeypatch):
     mine = own_pid()
     report = run_apart(parcel_of(write_plugin(tmp_path, lines, head="import signal"), timeout=1.0))
     assert report.outcome.status is Status.FAILED
-    assert report.outcome.reason == "took longer than the 1 s allowed and was not interrupted"
+    assert report.outcome.reason == "took longer than the 1 s allowed and could not be interrupted"
     assert not alive(mine)
     assert run_apart(parcel_of("nearest")).outcome.status is Status.EXPLORED, "in a new process"
 
@@ -125,9 +136,9 @@ def test_other_code_is_refused_by_a_new_process_too():
 
 OWNER = """
 import pickle, sys
-from explore_bench.runs.workers.process import TrialProcess
+from explore_bench.runs.workers.apart import run_apart
 with open(sys.argv[1], "rb") as file:
-    TrialProcess().run(pickle.load(file))
+    run_apart(pickle.load(file))
 """
 
 
