@@ -4,8 +4,9 @@
 
 A configuration is a width, a dropout, γ, a rate and a length; the first is the shipped one, the others are one Latin
 hypercube, the same for all three. Each is trained with one seed and judged by its best validation, on the worlds that
-choose the weights of every training; no world of the benchmark is seen. Trainings resume from FOLDER; all of them take
-some hours of a core. Writes search.csv beside this file.
+choose the weights of every training; no world of the benchmark is seen. It is successive halving (Jamieson and
+Talwalkar 2016) with one cut: all are trained for 1,000 episodes, the best five and the shipped one to their length.
+Trainings resume from FOLDER; all of them take some hours of a core. Writes search.csv beside this file.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ import pandas as pd
 from scipy.stats import qmc
 
 from baselines.learned import gcn, graph_stnn
-from baselines.learned.checkpoint import read_card
 from baselines.training import train
+from explore_bench import validations_path
 from explore_bench.strategies.entry import parse_factory
 from explore_bench.strategies.registry import strategies
 
@@ -36,6 +37,10 @@ DROPOUTS = (0.0, 0.1, 0.2, 0.3, 0.5)
 DISCOUNTS = (0.8, 0.9, 0.95, 0.99)
 RATES = (1e-4, 8e-3)
 LENGTHS = (1500, 3000, 4500)
+CUT = 1000
+"""Episodes after which it is decided who goes on."""
+
+KEPT = 5
 
 
 @dataclass(frozen=True)
@@ -105,21 +110,18 @@ def _recipe(name: str) -> train.Recipe:
     return train.RECIPES[parse_factory(strategies()[name].factory)[0]]
 
 
-def tried(name: str, number: int, configuration: Configuration, out: Path) -> dict[str, object]:
-    """Train a configuration and say what its best validation was."""
+def tried(name: str, number: int, configuration: Configuration, out: Path, episodes: int) -> dict[str, object]:
+    """Train a configuration for at most so many episodes and say what its best validation until then was."""
     entry = replace(strategies()[name], factory="search:none")
     train.RECIPES["search"] = recipe_of(name, configuration)
-    path = train.train(name, entry, 0, None, True, out / f"{name}-{number:02d}", lambda line: None)
-    card = read_card(path)
-    validation = card["validation"]
-    row = {"strategy": name, "configuration": number, **asdict(configuration), "best_after": card["episodes"]}
-    print(row, validation["objective"], flush=True)
-    return row | {
-        "objective": validation["objective"],
-        "T": validation["time"],
-        "η": validation["exploration_efficiency"],
-        "e": validation["trajectory_error"],
-    }
+    wanted = min(episodes, configuration.episodes)
+    path = train.train(name, entry, 0, wanted, True, out / f"{name}-{number:02d}", lambda line: None)
+    validations = pd.read_csv(validations_path(path))
+    best = validations[validations["episodes"] <= wanted].sort_values("objective").iloc[0]
+    row = {"strategy": name, "configuration": number, **asdict(configuration), "trained": wanted}
+    row |= {"best_after": int(best["episodes"]), "objective": best["objective"]}
+    print(row, flush=True)
+    return row
 
 
 def main() -> None:
@@ -133,9 +135,23 @@ def main() -> None:
         for name in NAMES
         for number, configuration in enumerate([shipped(name), *drawn()])
     ]
-    jobs.sort(key=lambda job: -job[2].episodes * job[2].width)
-    rows = joblib.Parallel(n_jobs=asked.workers, batch_size=1)(joblib.delayed(tried)(*job, asked.out) for job in jobs)
-    table = pd.DataFrame(rows).sort_values(["strategy", "objective"])
+    jobs.sort(key=lambda job: -job[2].width)
+
+    def all_of(some: list[tuple[str, int, Configuration]], episodes: int) -> list[dict[str, Any]]:
+        parallel = joblib.Parallel(n_jobs=asked.workers, batch_size=1)
+        return list(parallel(joblib.delayed(tried)(*job, asked.out, episodes) for job in some))
+
+    first = pd.DataFrame(all_of(jobs, CUT))
+    order = first.groupby("strategy")["objective"].rank()
+    kept = first[(order <= KEPT) | (first["configuration"] == 0)]
+    going_on = set(zip(kept["strategy"], kept["configuration"], strict=True))
+    rows = all_of([job for job in jobs if job[:2] in going_on], max(LENGTHS))
+    table = first.merge(
+        pd.DataFrame(rows)[["strategy", "configuration", "trained", "best_after", "objective"]],
+        on=["strategy", "configuration"],
+        how="left",
+        suffixes=("_at_the_cut", ""),
+    ).sort_values(["strategy", "objective", "objective_at_the_cut"])
     path = Path(__file__).with_name("search.csv")
     table.to_csv(path, index=False, float_format="%.4g")
     print(table.to_string(index=False))

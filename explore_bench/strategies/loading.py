@@ -33,7 +33,7 @@ def make_strategy(factory: str, parameters: Mapping[str, Any]) -> Any:
         return make(**parameters)
     except RequestError:
         raise
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit, KeyboardInterrupt) as error:
         given = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
         if takes := _mismatch(make, parameters):
             raise RequestError(f"strategy '{factory}' takes the parameters {takes}, not ({given}).") from error
@@ -54,7 +54,7 @@ def load_factory(factory: str) -> Any:
         raise RequestError(f"strategy '{factory}': there is no file {place}; check the path.")
     try:
         module = _load_file(Path(place)) if is_file else importlib.import_module(place)
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit, KeyboardInterrupt) as error:
         if isinstance(error, ModuleNotFoundError) and f"{place}.".startswith(f"{error.name}."):
             raise RequestError(f"strategy '{factory}': there is no module '{error.name}'; check its name.") from None
         raise StrategyError(f"strategy '{factory}' cannot be imported ({describe(error)}); mend that.") from error

@@ -103,7 +103,7 @@ def test_the_walk_finds_what_is_there():
     [
         ("gtsam", {"explore_bench.robot.landmark.factor_graph", "explore_bench.robot.lidar.pose_graph"}),
         ("gymnasium", {"explore_bench.gymnasium"}),
-        ("joblib", {"explore_bench.runs.workers.local", "explore_bench.runs.workers.cluster"}),
+        ("joblib", {"explore_bench.runs.workers.cluster"}),
         ("distributed", {"explore_bench.runs.workers.cluster"}),
         ("numba", {"explore_bench.compiled"}),
     ],

@@ -4,6 +4,7 @@ import misbehaving
 import pytest
 from handmade import TINY, tiny_plan, write_plugin
 
+from explore_bench.records.provenance import trial_key
 from explore_bench.records.store import Store, missing
 from explore_bench.runs import runner
 from explore_bench.runs.runner import check_runnable, complete
@@ -28,7 +29,7 @@ def rows_of(specs, folder, **options):
     store.open(0, "evaluate", TINY)
     check_runnable(specs, 2, "processes", 5.0)
     table = complete(specs, store, 2, **options)
-    shards = {(spec.strategy, spec.trial): store.shard(spec).read_bytes() for spec in specs}
+    shards = {(spec.strategy, spec.trial): store.path(trial_key(spec)).read_bytes() for spec in specs}
     return table, shards, list(missing(store, specs))
 
 
@@ -39,7 +40,7 @@ def honest(tmp_path_factory):
 
 
 def judge(case, tmp_path, honest, monkeypatch):
-    name, ending = case
+    _, ending = case
     monkeypatch.setattr(process, "GRACE", 2.0)
     monkeypatch.setattr(runner, "CHECK_SECONDS", 2.0)
     head, lines = KINDS[case]

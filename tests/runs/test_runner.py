@@ -14,7 +14,7 @@ from explore_bench.records.store import Store, missing
 from explore_bench.runs import runner
 from explore_bench.runs.runner import check_runnable, complete, default_workers, execute
 from explore_bench.runs.suites import plan
-from explore_bench.runs.workers import process
+from explore_bench.runs.workers import local, process
 from explore_bench.trial.spec import Status
 
 
