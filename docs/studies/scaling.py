@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench import PAPER, Observation, draw_world, rollout, stream
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.strategies.entry import weights_file
 from explore_bench.strategies.loading import make_strategy

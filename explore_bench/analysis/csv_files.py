@@ -12,11 +12,14 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from explore_bench.analysis.rounding import significant
-from explore_bench.errors import RequestError
-from explore_bench.records.files import write_whole
+from explore_bench.errors import RequestError, one_line
+from explore_bench.files import require_file, write_whole
 
 KEYS = ["strategy", "training_seed", "size", "trial", "scenario"]
 """Columns that name a trial."""
+
+MOST_BYTES = 1_000_000_000
+"""A million trials or two."""
 
 TEXTS = ("strategy", "world", "status", "scenario", "table", "metric")
 """Columns of words among those that are read back; all others hold numbers."""
@@ -30,9 +33,11 @@ def read_csv(path: Path, columns: Sequence[str]) -> pd.DataFrame:
     RequestError : where the file is missing or is no such table.
     """
     try:
+        require_file(path, MOST_BYTES)
         table = pd.read_csv(path, dtype={"training_seed": "Int64"}, keep_default_na=True)
-    except (OSError, ValueError) as error:
-        raise RequestError(f"'{path}' cannot be read ({error}); run 'explore-bench run SUITE' to make it.") from None
+    except (OSError, ValueError, TypeError, OverflowError) as error:
+        reason = one_line(getattr(error, "strerror", None) or str(error), 200)
+        raise RequestError(f"'{path}' cannot be read ({reason}); run 'explore-bench run SUITE' to make it.") from None
     lacking = [name for name in columns if name not in table.columns]
     if lacking:
         raise RequestError(f"'{path}' lacks the column '{lacking[0]}'; delete it and run again.")

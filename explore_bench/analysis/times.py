@@ -12,7 +12,7 @@ import pandas as pd
 
 from explore_bench.analysis.csv_files import KEYS, read_csv
 from explore_bench.errors import RequestError
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 from explore_bench.trial.spec import Outcome, TrialSpec
 from explore_bench.world.scenario import Scenario
 

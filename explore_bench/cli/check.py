@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from explore_bench.cli.options import DONE, NO, json_option
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 
 
 @click.command()

@@ -10,7 +10,7 @@ import click
 
 from explore_bench.cli.options import DONE, INCOMPLETE, NO, json_option, results_option
 from explore_bench.errors import RequestError, writing
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 
 
 @click.command()

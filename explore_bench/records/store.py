@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, writing
+from explore_bench.files import parse_json, read_text, write_whole
 from explore_bench.records.encoding import (
     DamagedError,
     Replay,
@@ -24,7 +25,6 @@ from explore_bench.records.encoding import (
     spec_from,
     version_words,
 )
-from explore_bench.records.files import write_whole
 from explore_bench.records.provenance import forget_code, scenario_digest, spec_values, trial_key
 from explore_bench.trial.run import TrialResult
 from explore_bench.trial.spec import TrialSpec
@@ -104,7 +104,7 @@ class Store:
             )
         damaged = RequestError(f"'{file}' is damaged; delete it and the folder it lies in.")
         try:
-            protocol = json.loads(file.read_text())
+            protocol = parse_json(read_text(file))
             version = protocol["schema"]
         except (ValueError, KeyError, TypeError):
             raise damaged from None

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.tables import trial_table
 from explore_bench.errors import RequestError, writing
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import Replay, TrialRecord
-from explore_bench.records.files import write_whole
 from explore_bench.records.store import Store
 from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.html import Content, write_page

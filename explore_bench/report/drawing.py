@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from explore_bench.errors import RequestError, writing
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 from explore_bench.report.vector import slim
 from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.registry import entry_named

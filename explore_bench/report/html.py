@@ -14,8 +14,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from explore_bench.analysis.tables import of_paper
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
-from explore_bench.records.files import write_whole
 from explore_bench.records.store import Store
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps

@@ -5,7 +5,6 @@ Nothing in them changes from run to run on one machine: there is no time, no pat
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
@@ -13,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from explore_bench.files import parse_json, read_text
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import LIBRARIES, code_digest, installed_version, scenario_digest, weights_digest
 from explore_bench.report.tables import Scope, Table, shown_name
@@ -133,7 +133,7 @@ def _training(spec: TrialSpec) -> tuple[str, str]:
     if not spec.weights:
         return "–", "–"
     try:
-        card: Any = json.loads(weights_file(spec.weights).with_suffix(".json").read_text(encoding="utf-8"))
+        card: Any = parse_json(read_text(weights_file(spec.weights).with_suffix(".json")))
         count, command = card.get("parameter_count"), card.get("command")
     except (OSError, ValueError, AttributeError):
         return "–", "no card"

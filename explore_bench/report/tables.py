@@ -15,8 +15,8 @@ import pandas as pd
 from explore_bench.analysis.metrics import METRICS, REGRETS, Metric
 from explore_bench.analysis.statistics import Estimate, paired_difference
 from explore_bench.analysis.tables import by_world, of_paper
+from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
-from explore_bench.records.files import write_whole
 from explore_bench.report.drawing import entry_of
 from explore_bench.strategies.registry import in_order, strategies
 from explore_bench.world.kinds import kind_of

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from explore_bench.analysis.csv_files import plain
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 from explore_bench.runs.perf_by_lidar import SCENES, ScenePart, SceneTimes, measure_scene, scene_table
 from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.strategies.entry import Entry

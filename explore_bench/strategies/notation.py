@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
 from explore_bench.errors import RequestError
+from explore_bench.files import parse_toml
 
 _WRITTEN = re.compile(r"(?P<name>.+?\.py:\w+|[\w.]+:\w+|[^\[:]+)\[(?P<values>.*)\]", re.DOTALL)
 _UNQUOTED = re.compile(r"""(?P<key>[\w-]+\s*=\s*)(?P<text>[^\s,="'{}\[\]]+)""")
@@ -35,12 +35,13 @@ def split_parameters(written: str) -> tuple[str, dict[str, Any]]:
 def _parameters(written: str, values: str) -> dict[str, Any]:
     try:
         found = _inline_table(values)
-    except tomllib.TOMLDecodeError:
+    except ValueError:
         try:
             found = _inline_table(_UNQUOTED.sub(_quoted, values))
-        except tomllib.TOMLDecodeError as error:
+        except ValueError as error:
+            reason = str(error).removeprefix("it is not TOML: ").partition(" (")[0]
             raise RequestError(
-                f"strategy '{written}': '{values}' does not read key=value,… ({str(error).partition(' (')[0]}); write "
+                f"strategy '{written}': '{values}' does not read key=value,… ({reason}); write "
                 """values like 0.5, true, "text" or [1, 2]."""
             ) from None
     try:
@@ -53,9 +54,9 @@ def _parameters(written: str, values: str) -> dict[str, Any]:
 
 
 def _inline_table(values: str) -> dict[str, Any]:
-    whole = tomllib.loads(f"parameters = {{{values}}}")
+    whole = parse_toml(f"parameters = {{{values}}}")
     if whole.keys() != {"parameters"}:
-        raise tomllib.TOMLDecodeError("it has more than one line")
+        raise ValueError("it has more than one line")
     return dict(whole["parameters"])
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
 import re
 import sys
 from collections.abc import Iterable, Mapping
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, describe, unknown
+from explore_bench.files import parse_json, read_text
 from explore_bench.strategies.entry import GROUP, Entry, parse_factory, weights_file
 from explore_bench.strategies.notation import split_parameters, written_parameters
 
@@ -82,7 +82,7 @@ def parameter_count(entry: Entry) -> int:
     """
     card = weights_file(next(iter(entry.weights.values()))).with_suffix(".json")
     try:
-        return int(json.loads(card.read_text(encoding="utf-8"))["parameter_count"])
+        return int(parse_json(read_text(card))["parameter_count"])
     except (OSError, ValueError, KeyError, TypeError, OverflowError):
         raise RequestError(f"card '{card}' of '{entry.label}' cannot be read; restore it or train anew.") from None
 

@@ -26,6 +26,12 @@ Probability = Annotated[float, Field(gt=0, lt=1)]
 MAX_CELLS = 40_000
 """Most cells of the grid on which decisions are made and U is summed; other grids have no such bound."""
 
+MAX_STEPS = 10_000_000
+"""Most steps of a trial: a month of computing."""
+
+MAX_RANGE_CELLS = 200
+"""Most cells that the sensor reaches: every scan keeps what it saw of a square so wide to either side."""
+
 
 class Scenario(BaseModel):
     """The protocol of a trial, on a grid of square cells: map, virtual map, candidates, coverage and limits.
@@ -136,6 +142,16 @@ class Scenario(BaseModel):
             raise ValueError(
                 f"{what} gives {self.edge} × {self.edge} cells of {self.cell_size:g} m; "
                 f"keep it from 4 to {MAX_CELLS} in all{also}"
+            )
+        if self.step_limit > MAX_STEPS:
+            raise ValueError(
+                f"steps_per_cell {self.steps_per_cell:g} lets a trial take {self.step_limit:,} steps, and "
+                f"{MAX_STEPS:,} are the most; lower it"
+            )
+        if self.sensor_range > MAX_RANGE_CELLS * self.cell_size:
+            raise ValueError(
+                f"sensor_range {self.sensor_range:g} m is more than {MAX_RANGE_CELLS} cells of {self.cell_size:g} m; "
+                "shorten it"
             )
         if self.map is not None:
             floor_plan(self.map)

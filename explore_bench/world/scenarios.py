@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, unknown
+from explore_bench.files import parse_toml, read_text
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.maps import gallery, with_map
@@ -84,12 +84,11 @@ def load_scenario(name_or_file: str) -> Scenario:
 
 def _values(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise RequestError(f"scenario file '{path}' cannot be read ({reason}); give a TOML file.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RequestError(f"scenario file '{path}' is not TOML ({error}); write lines like size = 20.0.") from None
+        return parse_toml(read_text(path))
+    except OSError as error:
+        raise RequestError(f"scenario file '{path}' cannot be read ({error.strerror}); give a TOML file.") from None
+    except ValueError as error:
+        raise RequestError(f"scenario file '{path}': {error}.") from None
 
 
 def _built(base: Scenario, values: dict[str, Any], folder: Path) -> Scenario:

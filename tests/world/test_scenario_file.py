@@ -68,11 +68,11 @@ def test_a_file_may_extend_a_named_scenario(toml):
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("size = = 20", "is not TOML"),
-        ("size = 20\nsize = 30\n", "is not TOML"),
-        ('{"size": 20}', "is not TOML"),
-        ("strategy,size\nrandom,20\n", "is not TOML"),
-        (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "cannot be read"),
+        ("size = = 20", "it is not TOML"),
+        ("size = 20\nsize = 30\n", "it is not TOML"),
+        ('{"size": 20}', "it is not TOML"),
+        ("strategy,size\nrandom,20\n", "it is not TOML"),
+        (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "not UTF-8 text"),
         ("sise = 20", "did you mean 'size'"),
         ("[scenario]\nsize = 20\n", "'scenario'"),
         ("size = -1", "'size' is -1"),
@@ -103,7 +103,7 @@ def test_a_file_that_is_not_there_is_refused_by_name(tmp_path):
 
 def test_a_folder_is_no_scenario_file(tmp_path):
     (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(RequestError, match=r"folder\.toml.*cannot be read"):
+    with pytest.raises(RequestError, match=r"folder\.toml.*no regular file"):
         load_scenario(str(tmp_path / "folder.toml"))
 
 

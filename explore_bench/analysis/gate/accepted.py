@@ -19,7 +19,7 @@ from explore_bench.analysis.gate.pairs import belongs
 from explore_bench.analysis.gate.thresholds import Threshold, load_thresholds
 from explore_bench.analysis.tables import measured, trial_table
 from explore_bench.errors import RequestError, unknown
-from explore_bench.records.files import write_whole
+from explore_bench.files import parse_json, read_text, write_whole
 from explore_bench.records.store import Store
 from explore_bench.trial.steps import SCHEMA_VERSION
 
@@ -102,7 +102,7 @@ def _read_trials(path: Path, family: Sequence[Threshold]) -> pd.DataFrame:
 
 def _read_note(path: Path) -> str:
     try:
-        note = json.loads(path.read_text(encoding="utf-8"))
+        note = parse_json(read_text(path))
         version, reason = note["schema"], str(note["reason"])
     except OSError as error:
         raise RequestError(f"'{path}' cannot be read ({error.strerror}); {HOW} to make a reference.") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,6 +11,7 @@ from explore_bench.analysis.csv_files import KEYS
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.times import TIME_COLUMNS
 from explore_bench.errors import RequestError, unknown
+from explore_bench.files import parse_toml, read_text
 
 MAX_PAIRS = 6
 """Largest family unless the file allows more: each member costs the others power."""
@@ -69,14 +69,13 @@ def load_thresholds(path: Path) -> tuple[Threshold, ...]:
         a direction, a value out of range, one pair declared twice, or too many of them.
     """
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        values = parse_toml(read_text(path))
+    except OSError as error:
         raise RequestError(
-            f"'{path}' cannot be read ({reason}); write [[threshold]] entries into it, see docs/gate.md."
+            f"'{path}' cannot be read ({error.strerror}); write [[threshold]] entries into it, see docs/gate.md."
         ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise RequestError(f"'{path}' is not TOML ({error}); write lines like tolerance = 0.05.") from None
+    except ValueError as error:
+        raise RequestError(f"'{path}': {error}.") from None
     try:
         file = _File(**values)
         return _checked(tuple(file.threshold), file.max_pairs)

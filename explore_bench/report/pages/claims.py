@@ -21,7 +21,7 @@ from explore_bench.analysis.claims import (
 )
 from explore_bench.analysis.statistics import LEVEL
 from explore_bench.analysis.training_curve import TRAINING_METRICS
-from explore_bench.records.files import write_whole
+from explore_bench.files import write_whole
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.html import Section
 from explore_bench.report.tables import Scope, Table, interval_text, number_text, p_text, percent_text, signed_text

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from explore_bench.geometry import Array
 
 
+MOST_STEPS_A_CELL = 100
+"""Steps that may lead from one cell to the next: predictions along a way take all of them at once."""
+
+MOST_LANDMARKS = 40_000
+
+
 @dataclass(frozen=True, slots=True)
 class NoiseModel:
     """Standard deviations [m, rad]: of the start's prior, of a straight step, of a turn in place, and of a sighting."""
@@ -103,7 +109,10 @@ class LandmarkScenario(Scenario):
     prior_sigma: Positive = Field(0.05, description="prior of the start, x and y [m] (as [8])")
     prior_heading_sigma_deg: Positive = Field(0.01, description="prior of the start's heading [°] (as [8])")
     start_moves: int = Field(
-        0, ge=0, description="uncounted moves at the start: 1 m ahead, 1 m to the left and a turn by 90° (as [8])"
+        0,
+        ge=0,
+        le=1000,
+        description="uncounted moves at the start: 1 m ahead, 1 m to the left and a turn by 90° (as [8])",
     )
 
     # Decisions
@@ -129,6 +138,16 @@ class LandmarkScenario(Scenario):
             raise ValueError(
                 f"{self.obstacles} obstacles and {self.landmarks} landmarks leave no free cell among "
                 f"{cells}; lower a density or a count"
+            )
+        if self.landmarks > MOST_LANDMARKS:
+            raise ValueError(
+                f"{self.landmarks:,} landmarks are more than {MOST_LANDMARKS:,}; lower landmark_density or "
+                "landmark_count"
+            )
+        if self.step_length * MOST_STEPS_A_CELL < self.cell_size:
+            raise ValueError(
+                f"step_length {self.step_length:g} m makes more than {MOST_STEPS_A_CELL} steps of a cell of "
+                f"{self.cell_size:g} m; lengthen it"
             )
         if abs(self.margin / self.cell_size - round(self.margin / self.cell_size)) > 1e-9:
             raise ValueError(f"margin {self.margin:g} m is no multiple of cell_size {self.cell_size:g} m")

@@ -16,6 +16,11 @@ from explore_bench.world.floor_plan import FloorPlan, floor_plan
 from explore_bench.world.landmark.constants import LandmarkScenario
 
 MAX_DRAWS = 100_000
+MOST_TAKEN = 0.4
+"""Share of taken cells beyond which the others are never connected (site percolation on a square, 1 − 0.593)."""
+
+DRAWN_CELLS = 4_000_000
+"""Cells of all draws of a world together, after which there is none: a few seconds."""
 """Twice the obstacles at 20 m take 2,500 draws on average."""
 
 
@@ -75,7 +80,7 @@ class LandmarkWorld:
 
         Raises
         ------
-        RequestError : when 100,000 draws gave no connected world.
+        RequestError : when no draw gave a connected world.
         """
         if scenario.map is None:
             return cls(*_drawn(scenario, rng))
@@ -118,7 +123,9 @@ def _drawn(scenario: LandmarkScenario, rng: np.random.Generator) -> Parts:
     """
     grid = scenario.grid
     cells = np.flatnonzero(scenario.inside)
-    for _ in range(MAX_DRAWS):
+    taken = scenario.obstacles + (scenario.landmarks if scenario.landmark_clearance is None else 0)
+    draws = 0 if taken > MOST_TAKEN * len(cells) + 2 else min(MAX_DRAWS, max(DRAWN_CELLS // scenario.cell_count, 200))
+    for _ in range(draws):
         order = cells[rng.permutation(len(cells))]
         inside = rng.uniform(-0.5, 0.5, (scenario.landmarks, 2))
         heading = float(rng.uniform(-np.pi, np.pi))
@@ -140,9 +147,11 @@ def _drawn(scenario: LandmarkScenario, rng: np.random.Generator) -> Parts:
         obstacles[obstacle_cells] = True
         return grid, obstacles.reshape(grid.shape), landmarks, start, np.flatnonzero(~scenario.inside)
     seen = " and a landmark in sight of the start" if scenario.start_moves else ""
+    more = "landmark" if scenario.landmarks > scenario.obstacles and not seen else "obstacle"
     raise RequestError(
-        f"no connected world with {scenario.obstacles} obstacles{seen} on {grid.columns} × {grid.rows} cells was found "
-        f"in {MAX_DRAWS} draws; lower obstacle_density or obstacle_count{', or add landmarks' if seen else ''}."
+        f"no connected world with {scenario.obstacles} obstacles and {scenario.landmarks} landmarks{seen} on "
+        f"{grid.columns} × {grid.rows} cells was found in {draws:,} draws; lower {more}_density or "
+        f"{more}_count{', or add landmarks' if seen else ''}."
     )
 
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 Scene = Literal["dense", "office", "rooms", "maze", "hall"]
 
+MAX_TICKS = 10_000_000
+"""Most commands of a trial: a day of computing."""
+
 MAX_MAP_CELLS = 4_000_000
 """Most cells of a fine map: 100 m at 5 cm."""
 
@@ -106,6 +109,16 @@ class LidarScenario(Scenario):
             raise ValueError(
                 f"passage {self.passage:g} m is less than the {self.lethal_radius:.3g} m that a robot of "
                 f"{self.robot_radius:g} m keeps on a map of {self.map_resolution:g} m; widen it"
+            )
+        if self.max_speed * self.tick > self.robot_radius or self.max_turn_rate * self.tick > 1.0:
+            raise ValueError(
+                f"in a tick of {self.tick:g} s the robot drives {self.max_speed * self.tick:g} m and turns by "
+                f"{self.max_turn_rate * self.tick:g} rad; keep that to its radius, {self.robot_radius:g} m, and 1 rad"
+            )
+        if self.time_limit / self.tick > MAX_TICKS:
+            raise ValueError(
+                f"time_limit {self.time_limit:g} s has more than {MAX_TICKS:,} ticks of {self.tick:g} s; lengthen the "
+                "tick"
             )
         if self.sensor_range < self.cell_size:
             raise ValueError(

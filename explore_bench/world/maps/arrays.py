@@ -6,7 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from explore_bench.world.maps.raster import OCCUPIED_PIXEL, Raster, check_pixels, classified
+from explore_bench.files import require_file
+from explore_bench.world.maps.raster import MAX_PIXELS, OCCUPIED_PIXEL, Raster, check_pixels, classified
+
+MAX_BYTES = 16 * MAX_PIXELS + 10_000
 
 
 def read_array(path: Path, resolution: float) -> Raster:
@@ -19,6 +22,7 @@ def read_array(path: Path, resolution: float) -> Raster:
     ------
     OSError, ValueError : for a file that cannot be read, or holds something else.
     """
+    require_file(path, MAX_BYTES)
     try:
         with np.errstate(all="ignore"):  # a shape that no memory holds
             array = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -30,12 +34,13 @@ def read_array(path: Path, resolution: float) -> Raster:
     check_pixels(array.shape[1], array.shape[0])
     if array.dtype.kind == "b":
         return Raster(array.astype(np.uint8) * OCCUPIED_PIXEL, resolution)
-    values = array.astype(float)
+    values = array.astype(np.float32)
     values[values < 0] = np.nan
-    known = values[~np.isnan(values)]
-    largest = float(known.max()) if known.size else 0.0
+    largest = float(np.fmax.reduce(values, axis=None, initial=0.0))
     if largest > 100:
         raise ValueError(
             f"its largest value is {largest:g}; save probabilities from 0 to 1, or from 0 to 100, and -1 for unknown"
         )
-    return Raster(classified(values / (100.0 if largest > 1 else 1.0)), resolution)
+    if largest > 1:
+        values /= np.float32(100.0)
+    return Raster(classified(values), resolution)

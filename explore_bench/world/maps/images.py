@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from explore_bench.files import require_file
 from explore_bench.world.maps.raster import FREE_PIXEL, MAX_PIXELS, Raster, check_pixels, classified
 
 FORMATS = ("PNG", "PPM", "BMP")
+MAX_BYTES = 8 * MAX_PIXELS
 
 
 def read_image(path: Path, resolution: float) -> Raster:
@@ -30,7 +32,7 @@ def read_image(path: Path, resolution: float) -> Raster:
     return Raster(pixels, resolution, start=_start(red, resolution))
 
 
-def load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def load(path: Path) -> tuple[NDArray[np.floating], NDArray[np.uint8]]:
     """Values from 0 (black) to 255, NaN where transparent, shape (h, w), and colours RGBA, shape (h, w, 4).
 
     A value is the mean of the colours, as map_server takes it.
@@ -41,6 +43,7 @@ def load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """
     from PIL import Image
 
+    require_file(path, MAX_BYTES)
     content = path.open("rb")
     with content, warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # we have a limit of our own
@@ -52,11 +55,11 @@ def load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
             raise ValueError(_damaged(path, error)) from None
         check_pixels(*image.size)
         try:
-            deep = np.asarray(image, dtype=float) / 257.0 if image.mode.startswith("I") else None
+            deep = np.asarray(image, dtype=np.float32) / np.float32(257.0) if image.mode.startswith("I") else None
             colors = np.asarray(image.convert("RGBA"))
         except Exception as error:  # pillow raises nearly anything on a damaged file
             raise ValueError(_damaged(path, error)) from None
-    values = colors[..., :3].mean(axis=-1) if deep is None else deep
+    values = colors[..., :3].mean(axis=-1, dtype=np.float32) if deep is None else deep
     values[colors[..., 3] == 0] = np.nan
     return values, colors
 

@@ -6,27 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from explore_bench.files import read_text as text_of
 from explore_bench.world.floor_plan import BLANK, FREE, OBSTACLE, START, UNKNOWN
 from explore_bench.world.maps.raster import FREE_PIXEL, OCCUPIED_PIXEL, UNKNOWN_PIXEL, Raster, check_pixels
 
-MAX_BYTES = 1_000_000
 _PIXELS = {OBSTACLE: OCCUPIED_PIXEL, FREE: FREE_PIXEL, START: FREE_PIXEL, UNKNOWN: UNKNOWN_PIXEL, BLANK: UNKNOWN_PIXEL}
-
-
-def small_text(path: Path) -> str:
-    """Text of a file of at most MAX_BYTES.
-
-    Raises
-    ------
-    OSError : where it cannot be read.
-    ValueError : where it is larger, or no UTF-8 text.
-    """
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"'{path.name}' has {path.stat().st_size:,} bytes; a text of a map has at most {MAX_BYTES:,}")
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ValueError(f"'{path.name}' is not UTF-8 text; look at what it holds") from None
 
 
 def read_text(path: Path, resolution: float) -> Raster:
@@ -36,7 +20,7 @@ def read_text(path: Path, resolution: float) -> Raster:
     ------
     OSError, ValueError : for a file that cannot be read, or holds something else.
     """
-    rows = small_text(path).splitlines()
+    rows = text_of(path).splitlines()
     width = max(map(len, rows), default=0)
     check_pixels(width, len(rows))
     strange = sorted(set("".join(rows)) - _PIXELS.keys())

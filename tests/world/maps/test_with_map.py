@@ -84,7 +84,7 @@ def test_a_map_takes_the_place_of_the_size_and_of_another_map(files):
         ("dots.png", None, "no two free cells of the map share a side"),
         ("cut.png", None, "no whole image"),
         ("orphan.yaml", None, "cannot be read (No such file or directory"),
-        ("folder.txt", None, "Is a directory"),
+        ("folder.txt", None, "no regular file"),
     ],
 )
 def test_what_gives_no_map_is_refused_in_one_sentence_with_the_file_and_the_fix(files, name, resolution, named):
