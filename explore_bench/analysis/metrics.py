@@ -50,6 +50,11 @@ def finished(record: TrialRecord) -> bool:
     return record.status == Status.EXPLORED.value
 
 
+def counts(record: TrialRecord) -> bool:
+    """Whether a trial says something of its strategy: the simulator did not break down in it."""
+    return record.status != Status.BROKEN.value
+
+
 def broken_off(record: TrialRecord) -> bool:
     """Whether a trial failed, broke or got stuck, so that what only adds up along the way says nothing about it."""
     return record.status in (Status.FAILED.value, Status.BROKEN.value, Status.STUCK.value)

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from explore_bench.analysis.metrics import score
+from explore_bench.analysis.metrics import counts, score
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report import scene_colors
@@ -45,7 +45,7 @@ def player_data(
     places.sort(key=lambda place: place[1])
     several = len({scenario for scenario, _ in places}) > 1
     trials = []
-    for choice in choose_trials(records):
+    for choice in choose_trials([record for record in records if counts(record)]):
         spec, data = choice.record.spec, packed(store, choice.record)
         if not data:
             continue

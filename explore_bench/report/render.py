@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from explore_bench.analysis.csv_files import write_table
+from explore_bench.analysis.metrics import counts
 from explore_bench.analysis.tables import measured, of_paper, summary_table, trial_table, world_table
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -59,11 +60,12 @@ def write_report(folder: Path) -> Report:
         )
     with writing(folder), showing(record.spec for record in records):
         files = [write_table(every, folder / "trials.csv")]
-        worlds, own = world_table(records), kind_tables(records, trials)
+        counted = [record for record in records if counts(record)]
+        worlds, own = world_table(records), kind_tables(counted, trials)
         files += [write_table(worlds, folder / "worlds.csv")] if len(worlds) else []
-        drawn = _write_kind_figures(records, trials, folder / "figures")
+        drawn = _write_kind_figures(counted, trials, folder / "figures")
         if trials["scenario"].nunique() > 1 and all(record.spec.scenario.map for record in records):
-            files += write_tables(own, folder / "tables") + drawn + write_map_report(trials, records, folder)
+            files += write_tables(own, folder / "tables") + drawn + write_map_report(trials, counted, folder)
         elif trials["scenario"].nunique() == 1 or own:
             files += _write_all(store, records, trials, own, drawn, stale, folder)
         else:  # a mean over different physics would mean nothing
@@ -96,7 +98,7 @@ def _write_all(
         only = str(trials["scenario"].iloc[0])
         tables, claims = ({key: table.naming(only) for key, table in made.items()} for made in (tables, claims))
     files += write_tables(claims | tables, folder / "tables")
-    files += write_figures(store, records, folder / "figures")
+    files += write_figures(store, [record for record in records if counts(record)], folder / "figures")
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()

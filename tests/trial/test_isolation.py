@@ -17,6 +17,7 @@ from explore_bench.world.kinds import draw_world
 from explore_bench.world.landmark.motion import Robot
 from explore_bench.world.landmark.sensor import Sensor
 from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.signals import Patch, Scan
 
 
@@ -105,3 +106,21 @@ def test_observations_stay_as_they_were_while_the_trial_goes_on():
     assert len(kept) > 5
     for observation, numbers in kept:
         assert numbers_of(observation) == numbers
+
+
+@pytest.mark.parametrize("scenario", [PAPER, LidarScenario(size=12.0)], ids=["landmark", "lidar"])
+def test_an_observation_shares_nothing_that_could_be_changed_with_what_drives_and_judges(scenario):
+    """Neither an array's memory nor an object with attributes or items, the scenario included."""
+    observation, _, events = first_observation(scenario, after=3)
+    explorer = events.gi_frame.f_locals["explorer"]
+    shown = {id(item): item for item in reachable_from(observation)}
+    own = {id(item): item for item in reachable_from(explorer)}
+    both = [shown[key] for key in shown.keys() & own.keys()]
+    assert explorer.scenario is not observation.scenario
+    assert explorer.scenario == observation.scenario
+    changeable = [item for item in both if isinstance(item, dict | list | set) or hasattr(item, "__dict__")]
+    changeable = [item for item in changeable if not isinstance(item, type | types.ModuleType | types.FunctionType)]
+    assert [type(item) for item in changeable] == []
+    arrays = [[item for item in found.values() if isinstance(item, np.ndarray)] for found in (shown, own)]
+    assert all(arrays)
+    assert not [(a.shape, b.shape) for a in arrays[0] for b in arrays[1] if np.shares_memory(a, b)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from explore_bench.geometry import Pose
 from explore_bench.robot.belief import Belief, freeze, peak_traces
 from explore_bench.robot.lidar.decision_grid import known, occupancy, patch_reach, seen_patch
 from explore_bench.robot.lidar.graph import LidarGraph
+from explore_bench.robot.lidar.pose_graph import Link
 from explore_bench.robot.lidar.slam import Slam
 from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.robot.virtual_map import VirtualMap, key_poses
@@ -66,7 +69,7 @@ class Mapper:
             virtual_map=self.virtual_map.covariances.copy().reshape(*shape, 3),
             uncertainty=self.virtual_map.uncertainty,
             peak_trace=self.peak_traces[0],
-            graph=LidarGraph(slam.poses.copy(), tuple(slam.links), slam.odometry, fine),
+            graph=LidarGraph(slam.poses.copy(), tuple(map(_own, slam.links)), deepcopy(slam.odometry), fine),
             fine=fine,
         )
         freeze(belief)
@@ -82,3 +85,10 @@ class Mapper:
         origins = np.tile(self._origin, (len(patches), 1))
         self.virtual_map.fuse(slam.poses[first:], slam.covariances[first:], used, (patches, origins))
         self.peak_traces = peak_traces(slam.covariances[first:], *self.peak_traces)
+
+
+def _own(link: Link) -> Link:
+    """Link whose covariance nobody shares, and nobody writes."""
+    covariance = link.covariance.copy()
+    covariance.setflags(write=False)
+    return link._replace(covariance=covariance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -127,8 +128,8 @@ class LidarExplorer:
         if offer is None:
             raise StuckError("no frontier can be reached")
         self._patience.decide(self._own_cell)
-        self._offer = offer
         self._roads = Roads(offer.roads.grid, offer.roads.free.copy(), offer.roads.start)
+        self._offer = replace(offer, roads=self._roads)
         shown = tuple(path.copy() for path in offer.paths)
         arrays = (cells, positions, lengths) = offer.cells.copy(), offer.positions.copy(), offer.lengths.copy()
         for array in (*arrays, *shown):
