@@ -14,7 +14,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: bench bench-smoke calibrate clean gate lint maps perf plans report reproduce robustness setup stage test \
-  test-slow train
+  test-slow torture train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure; Figure 16 into results/figure16
 	@$(call suite,paper,results); status=$$?; $(call suite,figure16,results/figure16) && exit $$status
@@ -43,6 +43,9 @@ report: $(READY)         ## Tables and figures from stored records
 
 reproduce: $(READY)      ## Run the trials of results/trials.csv anew and compare every value, into results/reproduced
 	$(BIN)/python docs/studies/reproduce.py
+
+torture: $(READY)        ## Kills, full disks, wounded files, misbehaving plugins: is anything lost or harmed? Half an hour
+	$(BIN)/python tests/torture.py
 
 perf: $(READY)           ## Where a step's time goes
 	$(BIN)/explore-bench perf

@@ -69,7 +69,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     try:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"it is not TOML: {one_line(str(error), 200)}") from None
+        raise ValueError(f"it is not TOML, {one_line(str(error), 200)}; write lines like size = 20.0") from None
     except RecursionError:
         raise ValueError(f"its values lie more than {MOST_DEPTH} deep; flatten them") from None
     except ValueError:  # Python's own limit

@@ -39,7 +39,7 @@ def _parameters(written: str, values: str) -> dict[str, Any]:
         try:
             found = _inline_table(_UNQUOTED.sub(_quoted, values))
         except ValueError as error:
-            reason = str(error).removeprefix("it is not TOML: ").partition(" (")[0]
+            reason = str(error).removeprefix("it is not TOML, ").partition("; ")[0].partition(" (")[0]
             raise RequestError(
                 f"strategy '{written}': '{values}' does not read key=value,… ({reason}); write "
                 """values like 0.5, true, "text" or [1, 2]."""

@@ -96,8 +96,8 @@ class Patience:
             self._cell = -1
 
 
-def answer_of(choice: object) -> int | Target:
-    """Return an answer in plain numbers, whatever type of its own a strategy made of it.
+def answer_of(choice: object, count: int) -> int | Target:
+    """Return an answer to `count` candidates in plain numbers, whatever type of its own a strategy made of it.
 
     Raises
     ------
@@ -107,8 +107,8 @@ def answer_of(choice: object) -> int | Target:
         return Target(place_of(choice))
     if isinstance(choice, bool | np.bool_) or not isinstance(choice, int | np.integer):
         raise ChoiceError(
-            f"the answer {_shown(choice)} is of type {type(choice).__name__}; answer the integer index of a "
-            "candidate, from 0, or a Target"
+            f"the answer {_shown(choice)} is of type {type(choice).__name__}; "
+            f"answer an integer index, 0 to {count - 1}, or a Target"
         )
     return int.__int__(choice) if isinstance(choice, int) else int(np.integer.__int__(choice))
 
@@ -120,7 +120,7 @@ def checked(choice: object, count: int, roads: Roads) -> int | Target:
     ------
     ChoiceError : for anything else.
     """
-    answer = answer_of(choice)
+    answer = answer_of(choice, count)
     if isinstance(answer, Target):
         return _on_roads(answer.position, roads)
     if not 0 <= answer < count:

@@ -173,7 +173,7 @@ def _play(
         begin = time.perf_counter()
         try:
             with one_process():
-                choice = answer_of(strategy.choose(event))
+                choice = answer_of(strategy.choose(event), count)
         finally:
             seconds[-1] = time.perf_counter() - begin
         snapshots[len(steps) - 1] = _with_answer(snapshot, choice, count)

@@ -656,7 +656,7 @@ def interrupting(folder, what):
 
 
 def test_an_interrupted_run_says_so_and_keeps_what_is_done(call, smoke, tmp_path):
-    strategy = interrupting(tmp_path, "raise KeyboardInterrupt")
+    strategy = interrupting(tmp_path, "import signal; signal.raise_signal(signal.SIGINT)")
     code, _, err = call(*smoke, "-s", strategy, "--trials", 3)
     assert code == 130
     assert "interrupted" in err.splitlines()[-1]

@@ -125,7 +125,7 @@ class Far:
 
 
 def test_workers_warm_up_on_a_tiny_trial_of_the_kind():
-    warm_up(spec_of())
+    warm_up(spec_of().scenario.tiny)
     assert Scenario().tiny.landmarks == 2
 
 

@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,8 @@ from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import Outcome, Status, TrialSpec
 from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
+
+_warm: set[str] = set()
 
 SHIPPED = ("baselines", "explore_bench")
 """Packages whose strategies may share a process."""
@@ -122,9 +123,11 @@ def _report(task: Task, result: TrialResult, seconds: float) -> Report:
     return Report(task.key, encode(result), outcome)
 
 
-@cache
 def warm_up(scenario: Scenario) -> None:
-    """Compile and cache all that trials of a scenario run, in this process; a tiny one does."""
+    """Compile and cache all that trials of a scenario run, in this process and once; a tiny one does."""
+    if repr(scenario) in _warm:
+        return
+    _warm.add(repr(scenario))
     run_trial(TrialSpec("warm-up", f"{__name__}:WarmUp", scenario, trial=0, purpose="calibrate"))
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from explore_bench.geometry import Array
 
 
-MOST_STEPS_A_CELL = 100
+MOST_STEPS_A_CELL = 1000
 """Steps that may lead from one cell to the next: predictions along a way take all of them at once."""
 
 MOST_LANDMARKS = 40_000

@@ -17,7 +17,8 @@ from explore_bench.world.landmark.constants import LandmarkScenario
 
 MAX_DRAWS = 100_000
 MOST_TAKEN = 0.4
-"""Share of taken cells beyond which the others are never connected (site percolation on a square, 1 − 0.593)."""
+LARGE = 400
+"""Share of the cells of a large map beyond which the others are never connected (site percolation, 1 − 0.593)."""
 
 DRAWN_CELLS = 4_000_000
 """Cells of all draws of a world together, after which there is none: a few seconds."""
@@ -124,7 +125,9 @@ def _drawn(scenario: LandmarkScenario, rng: np.random.Generator) -> Parts:
     grid = scenario.grid
     cells = np.flatnonzero(scenario.inside)
     taken = scenario.obstacles + (scenario.landmarks if scenario.landmark_clearance is None else 0)
-    draws = 0 if taken > MOST_TAKEN * len(cells) + 2 else min(MAX_DRAWS, max(DRAWN_CELLS // scenario.cell_count, 200))
+    draws = min(MAX_DRAWS, max(DRAWN_CELLS // scenario.cell_count, 200))
+    if taken > MOST_TAKEN * len(cells) and len(cells) >= LARGE:
+        draws = 0
     for _ in range(draws):
         order = cells[rng.permutation(len(cells))]
         inside = rng.uniform(-0.5, 0.5, (scenario.landmarks, 2))

@@ -74,7 +74,7 @@ def test_a_wrong_value_is_named_with_the_fix(load, changes, words):
         ("", "threshold is missing"),
         ("threshold = []", "declares no threshold; write"),
         ("threshold = 5", "threshold is 5"),
-        ("[[threshold]", "is not TOML .* write lines like"),
+        ("[[threshold]", "is not TOML, .* write lines like"),
         (b"\xff\xfe", "it is not UTF-8 text"),
         (entry() + entry(tolerance="0.1"), "trajectory_error of 'Mine' at 20 m is declared twice; keep one"),
         ("max_pairs = 0\n" + entry(), "max_pairs is 0"),

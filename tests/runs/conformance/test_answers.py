@@ -1,6 +1,8 @@
 """Asking a strategy: what is noted of its answers, and what is around it meanwhile."""
 
 import inspect
+import os
+import signal
 import sys
 
 import numpy as np
@@ -60,8 +62,20 @@ def test_a_request_error_before_the_first_answer_is_a_refusal_and_later_an_error
 
 
 def test_an_interruption_by_the_user_is_not_the_strategy_s():
-    with pytest.raises(KeyboardInterrupt):
-        ask(KeyboardInterrupt())
+    """One that it raises itself is, like any other error."""
+    assert ask(0, KeyboardInterrupt()).error == "it raised KeyboardInterrupt"
+
+    class Interrupted(Asked):
+        def choose(self, observation):
+            os.kill(os.getpid(), signal.SIGINT)
+            return 0
+
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            play(SUBJECT, SMALL, Interrupted())
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def test_the_numbers_of_candidates_are_noted():

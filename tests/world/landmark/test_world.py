@@ -112,9 +112,10 @@ def test_places_and_headings_are_uniform():
         assert stats.chisquare(np.bincount(sample, minlength=10)).pvalue > 1e-3
 
 
-def test_an_impossible_density_is_refused_in_one_sentence():
+def test_an_impossible_density_is_refused_in_one_sentence(monkeypatch):
+    monkeypatch.setattr("explore_bench.world.landmark.world.MAX_DRAWS", 1000)
     with pytest.raises(
-        RequestError, match=r"90 obstacles and 3 landmarks.*10 × 10 cells.*0 draws.*obstacle_density"
+        RequestError, match=r"90 obstacles and 3 landmarks.*10 × 10 cells.*1,000 draws.*obstacle_density"
     ) as error:
         world_of(0, obstacle_density=9.0)
     assert "\n" not in str(error.value)
