@@ -27,7 +27,7 @@ def writing(path: Path) -> Iterator[None]:
 
 def unknown(kind: str, name: str, known: Iterable[str]) -> RequestError:
     """Error for a `name` that is not among the `known` ones of its `kind`, with the nearest spelling."""
-    names = sorted(known)
+    names, name = sorted(known), one_line(name, 200)
     near = difflib.get_close_matches(name, names, n=1)
     fix = f"did you mean '{near[0]}'?" if near else f"choose one of {', '.join(names)}."
     return RequestError(f"{kind} '{name}' is unknown; {fix}")

@@ -14,6 +14,7 @@ from explore_bench.errors import RequestError
 from explore_bench.files import MOST_DEPTH, MOST_TEXT, bounded, parse_json, parse_toml, parse_yaml, read_text
 from explore_bench.strategies.notation import split_parameters
 from explore_bench.world.landmark.world import LandmarkWorld
+from explore_bench.world.maps import with_map
 from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER, load_scenario
 
@@ -145,6 +146,21 @@ def test_a_seed_in_a_table_that_is_none_is_one_sentence(seed, tmp_path):
     with pytest.raises(RequestError, match="cannot be read") as caught:
         read_csv(path, ("strategy", "training_seed"))
     assert "\n" not in str(caught.value)
+
+
+def test_a_long_name_or_value_is_shortened_in_what_is_said_of_it():
+    for values in ({"a" * 10_000: 1}, {"size": "b" * 10_000}, {"kind": "c" * 10_000}):
+        with pytest.raises(RequestError) as caught:
+            Scenario(**{"kind": "landmark", **values})
+        assert len(str(caught.value)) < 1500
+
+
+def test_a_damaged_header_of_an_array_is_one_sentence(tmp_path):
+    path = tmp_path / "map.npy"
+    np.save(path, np.zeros((4, 4)))
+    path.write_bytes(path.read_bytes().replace(b"}", b"("))
+    with pytest.raises(RequestError, match=r"no whole \.npy file"):
+        with_map(PAPER, path)
 
 
 # Constants of a scenario, one to another

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from explore_bench.errors import RequestError, unknown
+from explore_bench.errors import RequestError, one_line, unknown
 from explore_bench.world.floor_plan import edge_of, floor_plan
 from explore_bench.world.kinds import DEFAULT_KIND, kind_of
 
@@ -263,7 +263,7 @@ class Scenario(BaseModel):
         if not key:
             return RequestError(f"scenario: {reason}.")
         fix = reason[0].lower() + reason[1:]
-        return RequestError(f"scenario key '{key}' is {first['input']!r}; {fix}.")
+        return RequestError(f"scenario key '{key}' is {one_line(repr(first['input']), 200)}; {fix}.")
 
 
 def _size_of(rows: tuple[str, ...], plan_cell: float, cell_size: float) -> float:

@@ -26,7 +26,9 @@ def read_array(path: Path, resolution: float) -> Raster:
     try:
         with np.errstate(all="ignore"):  # a shape that no memory holds
             array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, SyntaxError, OverflowError):
+    except OSError:
+        raise
+    except Exception:  # numpy raises nearly anything on a damaged header
         raise ValueError("it is no whole .npy file of plain numbers; save a 2-D array with numpy.save") from None
     if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "biuf":
         what = f"{array.ndim} axes of {array.dtype}" if isinstance(array, np.ndarray) else "several arrays"
@@ -34,7 +36,8 @@ def read_array(path: Path, resolution: float) -> Raster:
     check_pixels(array.shape[1], array.shape[0])
     if array.dtype.kind == "b":
         return Raster(array.astype(np.uint8) * OCCUPIED_PIXEL, resolution)
-    values = array.astype(np.float32)
+    with np.errstate(over="ignore"):  # a number that is refused below
+        values = array.astype(np.float32)
     values[values < 0] = np.nan
     largest = float(np.fmax.reduce(values, axis=None, initial=0.0))
     if largest > 100:
