@@ -657,7 +657,11 @@ def interrupting(folder, what):
 
 def test_an_interrupted_run_says_so_and_keeps_what_is_done(call, smoke, tmp_path):
     strategy = interrupting(tmp_path, "import signal; signal.raise_signal(signal.SIGINT)")
-    code, _, err = call(*smoke, "-s", strategy, "--trials", 3)
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background it is ignored
+    try:
+        code, _, err = call(*smoke, "-s", strategy, "--trials", 3)
+    finally:
+        signal.signal(signal.SIGINT, previous)
     assert code == 130
     assert "interrupted" in err.splitlines()[-1]
     assert "Traceback" not in err

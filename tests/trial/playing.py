@@ -1,7 +1,9 @@
 """A strategy, and rollouts played with a function of the observation; nothing here is a test."""
 
+import contextlib
 import dataclasses
 import gc
+import signal
 import types
 
 import numpy as np
@@ -15,6 +17,18 @@ from explore_bench.world.scenario import Scenario
 
 SMALL = Scenario(size=12.0)
 PAPER = Scenario()
+
+
+@contextlib.contextmanager
+def interruptible():
+    """Raise KeyboardInterrupt at SIGINT and SIGTERM, as on a terminal; in the background of a script one is ignored."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 class Nearest:

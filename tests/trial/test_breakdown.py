@@ -6,7 +6,7 @@ import signal
 import numpy as np
 import pytest
 from handmade import TINY, record, tiny_plan, write_plugin
-from playing import SMALL, Nearest
+from playing import SMALL, Nearest, interruptible
 
 from explore_bench.analysis.tables import measured, summary_table, trial_table
 from explore_bench.analysis.two_folders import compare_folders
@@ -181,12 +181,8 @@ def test_an_interruption_of_a_strategy_is_its_failure_and_that_of_the_user_ends_
             return int(observation.path_lengths.argmin())
         """
         users = write_plugin(tmp_path, lines, number.lower(), head="import os, signal, time")
-        previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
-        try:
-            with pytest.raises(KeyboardInterrupt):
-                run_trial(tiny_plan([users], trials=1)[0])
-        finally:
-            signal.signal(signal.SIGTERM, previous)
+        with interruptible(), pytest.raises(KeyboardInterrupt):
+            run_trial(tiny_plan([users], trials=1)[0])
 
 
 def test_the_limit_leaves_the_handlers_as_they_were():
