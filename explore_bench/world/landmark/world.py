@@ -17,8 +17,10 @@ from explore_bench.world.landmark.constants import LandmarkScenario
 
 MAX_DRAWS = 100_000
 MOST_TAKEN = 0.4
-LARGE = 400
 """Share of the cells of a large map beyond which the others are never connected (site percolation, 1 − 0.593)."""
+
+LARGE = 400
+"""Cells from which a map is large in that sense; smaller ones are connected by luck now and then."""
 
 DRAWN_CELLS = 4_000_000
 """Cells of all draws of a world together, after which there is none: a few seconds."""
