@@ -122,7 +122,7 @@ def check_runnable(
     if backend == "dask":
         workers, backend = default_workers(), "processes"
     seconds = min(timeout, CHECK_SECONDS)
-    asked = list(unique.values())
+    asked = sorted(unique.values(), key=owner_of, reverse=True)  # last the shipped ones, whose processes are kept
     if backend == "sequential":
         refusals = {number: _refusal(spec, seconds) for number, spec in enumerate(asked)}
     else:

@@ -57,6 +57,9 @@ class Scenario(BaseModel):
     plan_cell: ClassVar[str] = "cell_size"
     """Constant that is the edge of a cell of a given map."""
 
+    plan_border: ClassVar[float] = 0.0
+    """Width of the wall around a given map [m]."""
+
     most_plan_cells: ClassVar[int] = MAX_CELLS
     """Most cells of a given map."""
 
@@ -124,13 +127,13 @@ class Scenario(BaseModel):
         if all(isinstance(row, str) for row in rows) and numbers:
             if not edge_of(values["map"]):
                 raise ValueError("the map is empty; draw at least two free cells side by side")
-            values.setdefault("size", _size_of(values["map"], plan_cell, cell_size))
+            values.setdefault("size", _size_of(values["map"], plan_cell, cell_size, cls.plan_border))
         return values
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.map is not None:
-            own = _size_of(self.map, getattr(self, self.plan_cell), self.cell_size)
+            own = _size_of(self.map, getattr(self, self.plan_cell), self.cell_size, self.plan_border)
             if abs(self.size - own) > 1e-9:
                 raise ValueError(f"size {self.size:g} m is not that of the map, {own:g} m; leave it out")
         if abs(self.extent / self.cell_size - self.edge) > 1e-9:
@@ -266,6 +269,12 @@ class Scenario(BaseModel):
         return RequestError(f"scenario key '{key}' is {one_line(repr(first['input']), 200)}; {fix}.")
 
 
-def _size_of(rows: tuple[str, ...], plan_cell: float, cell_size: float) -> float:
-    """Edge [m] of the square of whole cells that holds a given map."""
-    return float(math.ceil(edge_of(rows) * plan_cell / cell_size - 1e-9) * cell_size)
+def _size_of(rows: tuple[str, ...], plan_cell: float, cell_size: float, border: float) -> float:
+    """Edge [m] of the square of whole cells that holds a given map and a border around it."""
+    cells = edge_of(rows) + 2 * border_cells(border, plan_cell)
+    return float(math.ceil(cells * plan_cell / cell_size - 1e-9) * cell_size)
+
+
+def border_cells(border: float, plan_cell: float) -> int:
+    """Cells of a given map, of this edge [m], that are a border of at least this width [m]."""
+    return math.ceil(border / plan_cell - 1e-9)

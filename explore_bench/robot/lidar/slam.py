@@ -15,7 +15,7 @@ import numpy as np
 
 from explore_bench.geometry import Array, Pose, between, compose, wrap_angle
 from explore_bench.robot.lidar.closures import chains_due, due
-from explore_bench.robot.lidar.filtering import TailFilter, rotated
+from explore_bench.robot.lidar.filtering import TailFilter, adjoint_of_inverse, rotated
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match, Matcher, Surfaces, Window, surfaces_of
 from explore_bench.robot.lidar.odometry import OdometryModel
@@ -41,6 +41,10 @@ LINK_RESPONSE, LOOP_RESPONSE = 0.65, 0.65
 
 LOOP_SIGMA, LOOP_CORRECTION = 0.1, 0.5
 """A loop is closed only where the match is sure to this [m], and moves the robot by no more than that [m]."""
+
+LOOP_SIGMAS = 5.0
+"""Nor is it closed where the match is more standard deviations from where the graph has the pose: a corridor looks the
+same half a metre on (individual compatibility: Neira and Tardós 2001)."""
 
 PRIOR_SIGMAS = 0.01, 0.01, 0.01
 """What a search adds to the noise of odometry [m, rad]: its bias is the same at every step, and would pull for ever."""
@@ -215,14 +219,26 @@ class Slam:
                 continue
             if math.hypot(match.pose[0] - pose[0], match.pose[1] - pose[1]) > LOOP_CORRECTION:
                 continue
-            covariance = match.covariance + np.diag(np.square(CHAIN_SIGMAS))
-            link = self._link_match(match.frame, match._replace(covariance=covariance), robust=not chain.linked)
+            match = match._replace(covariance=match.covariance + np.diag(np.square(CHAIN_SIGMAS)))
+            if not (chain.linked or self._compatible(match)):
+                continue
+            link = self._link_match(match.frame, match, robust=not chain.linked)
             if not chain.linked:
                 self.closures.append(link)
             self._unsettled = True
             disagreement = max(disagreement, self._apart(match.pose, pose))
         self._lap("loops")
         return disagreement
+
+    def _compatible(self, match: Match) -> bool:
+        """Whether a match is near to where the graph has the newest pose, seen from the pose it was matched with."""
+        newest = len(self.poses) - 1
+        joint = self._graph.posterior().joint([match.frame, newest])
+        earlier: Pose = tuple(self.poses[match.frame].tolist())
+        carry = np.hstack((-adjoint_of_inverse(between(earlier, self.pose)), np.eye(3)))
+        spread = carry @ joint @ carry.T + rotated(match.covariance, -match.pose[2])
+        error = np.array(between(self.pose, match.pose))
+        return bool(error @ np.linalg.solve(spread, error) <= LOOP_SIGMAS**2)
 
     def _settle(self) -> float:
         """Move all key poses to where the links have them; returns the largest move [m]."""

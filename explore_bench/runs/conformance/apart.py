@@ -191,7 +191,7 @@ def _refusal(subject: Subject) -> str:
 def run_in_workers(subject: Subject, tours: Sequence[Tour]) -> dict[Tour, Played]:
     """Run its trials in the worlds of tours as `explore_bench.run` does: in worker processes, stored and read again.
 
-    The tours' numbers differ.
+    The tours' numbers differ. What was played stands in the order of the tours, not in that in which it was done.
     """
     found = {}
     with TemporaryDirectory() as folder:
@@ -203,4 +203,4 @@ def run_in_workers(subject: Subject, tours: Sequence[Tour]) -> dict[Tour, Played
             replay = store.replay(outcome.spec)
             choices = _choices(zip(replay.choices, replay.targets, strict=True))
             found[specs[outcome.spec.trial]] = Played(outcome.status, outcome.reason, choices)
-    return found
+    return {tour: found[tour] for tour in tours}

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 BACKENDS = ("processes", "sequential", "dask")
 
+SHIPPED = ("baselines", "explore_bench")
+"""Packages whose strategies may share a process."""
+
 GRACE = 20.0
 """Seconds beyond its limit after which what cannot be interrupted is killed."""
 

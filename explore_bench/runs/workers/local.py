@@ -1,15 +1,23 @@
-"""Processes of this machine: so many at a time, each for the shipped strategies or for a foreign one."""
+"""Processes of this machine: so many at a time, each for the shipped strategies or for a foreign one.
+
+Those of the shipped ones that have nothing more to do are kept for what is asked next: to start one takes as long as
+some trials.
+"""
 
 from __future__ import annotations
 
+import atexit
 import os
 import time
 from collections.abc import Generator, Sequence
 from multiprocessing.connection import wait
 from typing import Any
 
-from explore_bench.runs.workers.process import Job, LostError, Process, ProcessDiedError
+from explore_bench.runs.workers.process import Job, LostError, Process, ProcessDiedError, surroundings
 from explore_bench.runs.workers.task import Report, Task, lost, perform, run_task, warm_up
+
+_spare: list[Process] = []
+"""Idle processes of the shipped strategies."""
 
 
 def default_workers() -> int:
@@ -73,7 +81,17 @@ def results_of(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Any]]:
                 yield number, answer.value
     finally:
         for process in (*idle, *doing):
-            process.end()
+            if process.owner or process in doing:
+                process.end()
+            else:
+                _spare.append(process)
+
+
+@atexit.register
+def end_spare() -> None:
+    """End the processes that are kept."""
+    while _spare:
+        _spare.pop().end()
 
 
 def _next(
@@ -91,4 +109,14 @@ def _next(
     served = {process.owner for process in doing}
     number = next((number for number in waiting if jobs[number].owner not in served), waiting[0])
     waiting.remove(number)
-    return Process(jobs[number].owner), number
+    return _process_for(jobs[number].owner), number
+
+
+def _process_for(owner: str) -> Process:
+    """A kept process, if it was started where things are as they are now; else a new one."""
+    while _spare and not owner:
+        process = _spare.pop()
+        if process.surroundings == surroundings():
+            return process
+        process.end()
+    return Process(owner)

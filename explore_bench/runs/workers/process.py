@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, describe
-from explore_bench.runs.workers import GRACE, THREAD_SETTINGS
+from explore_bench.runs.workers import GRACE, SHIPPED, THREAD_SETTINGS
 
 START = 300.0
 """Seconds that a process may take to import and compile before its job begins."""
@@ -68,11 +68,18 @@ class Answer:
     last: bool = False
 
 
+def surroundings() -> tuple[object, ...]:
+    """What a process that is started now begins with: its folder, where it imports from, settings, and shipped code."""
+    root = Path(__file__).parents[3]
+    files = {file: file.stat().st_mtime_ns for package in SHIPPED for file in (root / package).rglob("*.py")}
+    return Path.cwd(), tuple(sys.path), dict(os.environ), files
+
+
 class Process:
     """A child process of an owner. `pipe` can be waited for; at `deadline`, on the monotonic clock, it is too late."""
 
     def __init__(self, owner: str = "") -> None:
-        self.owner = owner
+        self.owner, self.surroundings = owner, surroundings()
         self.pipe, theirs = multiprocessing.Pipe()
         self.deadline, self._limit, self._ready = 0.0, 0.0, False
         self._folder = tempfile.TemporaryDirectory(prefix="explore-bench-", ignore_cleanup_errors=True)

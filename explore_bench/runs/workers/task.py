@@ -13,6 +13,7 @@ import numpy as np
 
 from explore_bench.records.encoding import encode
 from explore_bench.records.provenance import trial_key
+from explore_bench.runs.workers import SHIPPED
 from explore_bench.runs.workers.memory import memory_limit, share_of_memory
 from explore_bench.runs.workers.process import READY, Answer
 from explore_bench.strategies.entry import parse_factory
@@ -22,9 +23,6 @@ from explore_bench.world.kinds import draw_world
 from explore_bench.world.scenario import Scenario
 
 _warm: set[str] = set()
-
-SHIPPED = ("baselines", "explore_bench")
-"""Packages whose strategies may share a process."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,8 @@ Scene = Literal["dense", "office", "rooms", "maze", "hall"]
 MAX_TICKS = 10_000_000
 """Most commands of a trial: a day of computing."""
 
-MAX_MAP_CELLS = 4_000_000
-"""Most cells of a fine map: 100 m at 5 cm."""
+MAX_MAP_CELLS = 4_200_000
+"""Most cells of a fine map: 100 m at 5 cm, and the border of a given one."""
 
 
 class LidarScenario(Scenario):
@@ -32,11 +32,13 @@ class LidarScenario(Scenario):
     Decisions, U, n_g and the learned strategies' features live on the square grid of `cell_size`; what is true lies on
     a grid of `resolution`, and what the robot maps on one of `map_resolution`. All three have the same lower left
     corner. With a `map` of its own nothing is drawn but the start where the map names none; its cells are of
-    `resolution`.
+    `resolution`, and half a metre of wall lies around it: a wall at the very edge would soon be believed beyond it, and
+    be on no map.
     """
 
     plan_cell: ClassVar[str] = "resolution"
-    most_plan_cells: ClassVar[int] = MAX_MAP_CELLS
+    plan_border: ClassVar[float] = 0.5
+    most_plan_cells: ClassVar[int] = 4_000_000
 
     kind: Literal["lidar"] = "lidar"
 

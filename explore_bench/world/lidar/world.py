@@ -18,6 +18,7 @@ from explore_bench.geometry import Array, Grid, Pose, centre_of
 from explore_bench.world.floor_plan import FloorPlan, floor_plan
 from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.lidar.scenes import SCENES
+from explore_bench.world.scenario import border_cells
 
 MAX_DRAWS = 200
 """With the constants as they are, 40 m of `dense` take 1.3 draws on average; the other scenes 1.0."""
@@ -150,31 +151,29 @@ def clearance_of(obstacles: NDArray[np.bool_], resolution: float) -> Array:
 def _given(
     scenario: LidarScenario, plan: FloorPlan, rng: np.random.Generator
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Pose]:
-    """Obstacles, what counts, and the start in a given map, which a wall of one cell encloses.
+    """Obstacles, what counts, and the start in a given map; all around it is wall.
 
-    The robot starts where the map says, or else at a random place of the largest region that a start can reach with the
-    passage's clearance; regions that touch the border of the map are outdoors, and come last.
+    The robot starts where the map says, or else at a random place indoors; of the regions in which it can go about with
+    the passage's clearance, in that with the most of them. Where none is indoors the largest region is the one.
     """
     grid, passage = scenario.truth_grid, scenario.passage
-    obstacles = np.ones(grid.shape, dtype=bool)
-    rows, columns = plan.blocked.shape
-    obstacles[:rows, :columns] = plan.blocked
-    outdoors = _border(np.zeros_like(obstacles), rows, columns) & ~obstacles
-    obstacles |= _border(np.zeros_like(obstacles), rows, columns)
+    border = border_cells(scenario.plan_border, grid.resolution)
+    of_map = slice(border, border + len(plan.blocked))
+    obstacles, indoors = np.ones(grid.shape, dtype=bool), np.zeros(grid.shape, dtype=bool)
+    obstacles[of_map, of_map], indoors[of_map, of_map] = plan.blocked, _enclosed(plan.blocked)
     clearance = clearance_of(obstacles, grid.resolution)
     fits = clearance >= passage
     heading = float(rng.uniform(-np.pi, np.pi))
     if plan.start is None:
-        labels, _ = ndimage.label(fits)
-        beside_border = np.unique(labels[ndimage.distance_transform_edt(~outdoors) * grid.resolution <= 2 * passage])
-        inside = fits & ~np.isin(labels, beside_border) if outdoors.any() else fits
-        reached = _largest_region(inside if inside.any() else fits)
-        starts = np.flatnonzero(reached & (clearance >= passage + START_ROOM))
-        starts = starts if len(starts) else np.flatnonzero(reached)
+        inside = fits & indoors
+        places = inside if inside.any() else fits
+        reached = _region_with_most(places, fits)
+        starts = np.flatnonzero(reached & places & (clearance >= passage + START_ROOM))
+        starts = starts if len(starts) else np.flatnonzero(reached & places)
         start = int(rng.choice(starts)) if len(starts) else -1
     else:
-        row, column = divmod(plan.start, columns)
-        start = row * grid.columns + column
+        row, column = divmod(plan.start, len(plan.blocked))
+        start = (row + border) * grid.columns + column + border
         reached = _region_of(fits, start)
     if start < 0 or not reached.reshape(-1)[start]:
         nowhere = "anywhere in the map; look at the resolution", "where the map starts; move the start"
@@ -187,11 +186,12 @@ def _given(
     return obstacles, _counted(obstacles, away, passage), (x, y, heading)
 
 
-def _border(cells: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
-    """Mark the outermost of rows × columns cells of a larger grid."""
-    cells[[0, rows - 1], :columns] = True
-    cells[:rows, [0, columns - 1]] = True
-    return cells
+def _enclosed(obstacles: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Free cells from which obstacles lie in each of the four directions: indoors, though a door stands open."""
+    seen = np.logical_or.accumulate
+    down, up = seen(obstacles, axis=0), seen(obstacles[::-1], axis=0)[::-1]
+    right, left = seen(obstacles, axis=1), seen(obstacles[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(~obstacles & down & up & right & left)
 
 
 def _counted(obstacles: NDArray[np.bool_], away: Array, passage: float) -> NDArray[np.bool_]:
@@ -209,9 +209,14 @@ def _region_of(cells: NDArray[np.bool_], cell: int) -> NDArray[np.bool_]:
 
 
 def _largest_region(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest region of cells joined by steps to the four sides; none where there are no cells."""
+    """The largest region of cells joined to one another; none where there are no cells."""
+    return _region_with_most(cells, cells)
+
+
+def _region_with_most(wanted: NDArray[np.bool_], cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The region of cells, joined by steps to the four sides, with the most wanted ones; none where there are none."""
     labels, _ = ndimage.label(cells)
-    sizes = np.bincount(labels.reshape(-1))
+    sizes = np.bincount(labels[wanted], minlength=1)
     sizes[0] = 0
     return np.asarray(cells & (labels == sizes.argmax()))
 

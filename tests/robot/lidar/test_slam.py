@@ -3,14 +3,16 @@
 import itertools
 import math
 
+import gtsam
 import numpy as np
 import pytest
 from lidar_worlds import cluttered, drawn, driven, errors_of, ranges_at, way_through
 
 from explore_bench.geometry import between, compose
 from explore_bench.robot.lidar.closures import LOOP_SPACING, chains
+from explore_bench.robot.lidar.filtering import rotated
 from explore_bench.robot.lidar.grid_map import GridMap
-from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL
+from explore_bench.robot.lidar.matcher import LOOP, SEQUENTIAL, Match
 from explore_bench.robot.lidar.pose_graph import PoseGraph, joins_of
 from explore_bench.robot.lidar.slam import (
     ANCHOR_SPACING,
@@ -287,6 +289,39 @@ def test_no_loop_is_closed_in_a_corridor_whose_length_tells_nothing(short_window
         motion = between(slam.pose, pose)
         slam.update(motion, abs(motion[0]), 0.0, RangeScan(ranges_at(world, pose, reach=3.0)))
     assert slam.unmatched == 0
+    assert slam.closures == []
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize(("sigmas", "near"), [(4.9, True), (5.1, False)])
+def test_no_loop_is_closed_five_standard_deviations_from_where_the_graph_has_the_pose(looped, sigmas, near, axis):
+    """Those of the relative pose, by differences of gtsam's joint covariance, and of the match together."""
+    slam, _, _ = looped
+    earlier, newest = 20, len(slam.poses) - 1
+    both = gtsam.Marginals(slam._graph._graph, slam._graph._values).jointMarginalCovariance([earlier, newest])
+    joint = np.block([[both.at(i, j) for j in (earlier, newest)] for i in (earlier, newest)])
+    one, other = (tuple(slam.poses[number].tolist()) for number in (earlier, newest))
+    seen, step = between(one, other), 1e-6
+
+    def moved(column):
+        errors = np.zeros(6)
+        errors[column] = step
+        return between(seen, between(compose(one, tuple(errors[:3])), compose(other, tuple(errors[3:]))))
+
+    carry = np.array([moved(column) for column in range(6)]).T / step
+    own = np.diag([0.03, 0.02, 0.01]) ** 2
+    spread = carry @ joint @ carry.T + own
+    error = np.zeros(3)
+    error[axis] = sigmas / math.sqrt(np.linalg.inv(spread)[axis, axis])
+    match = Match(compose(other, tuple(error)), 0.9, rotated(own, other[2]), earlier)
+    assert slam._compatible(match) == near
+
+
+def test_a_loop_is_closed_only_where_it_is_compatible(monkeypatch):
+    asked = []
+    monkeypatch.setattr(Slam, "_compatible", lambda slam, match: asked.append(match.frame))
+    slam, _ = driven(ring_world(), way_through(*RING, (9.0, 2.0)), SHORT, seed=2)
+    assert asked
     assert slam.closures == []
 
 

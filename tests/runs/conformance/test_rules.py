@@ -9,6 +9,8 @@ import pytest
 
 from explore_bench.errors import RequestError
 from explore_bench.runs.conformance import RULES, Verdict, apart as apart_module, check
+from explore_bench.runs.conformance.subject import Subject
+from explore_bench.runs.conformance.tours import SMALL
 from explore_bench.strategies.registry import strategies
 
 FILE = Path(faulty_strategies.__file__)
@@ -54,7 +56,7 @@ MORE_FAULTS = {
     "PeeksAtTheRollout": ("truth", "with another world behind the same observations"),
     "PeeksAtTheSpecification": ("truth", "with another world behind the same observations"),
     "LearnsMapsByHeart": ("truth", "with another world behind the same observations"),
-    "ChoosesOtherwiseInWorkers": ("worker", "a trial of 14 m, decision 0: 0, but"),
+    "ChoosesOtherwiseInWorkers": ("worker", "a trial of 20 m, decision 0: 0, but"),
     "DiesInWorkers": ("worker", "its worker process died"),
 }
 BY_LIDAR = {
@@ -125,6 +127,16 @@ def test_so_are_further_ones_there(name):
     found = found_by_lidar(name)
     assert found.keys() == {rule}
     assert words in found[rule]
+
+
+def test_what_the_workers_played_is_told_in_the_order_of_the_tours(monkeypatch):
+    """However their trials end: else another one would be named each time."""
+    tours = [replace(SMALL, name=f"number {number}", trial=number) for number in (3, 1, 2)]
+    execute = apart_module.execute
+    monkeypatch.setattr(
+        apart_module, "execute", lambda *given, **named: sorted(execute(*given, **named), key=lambda o: o.spec.trial)
+    )
+    assert list(apart_module.run_in_workers(Subject.of("nearest", 60.0), tours)) == tours
 
 
 @pytest.mark.parametrize("kind", ["landmark", "lidar"])

@@ -432,9 +432,9 @@ def test_a_given_map_is_the_robot_s_to_discover():
     """The robot's constants do not hold the map that is given."""
     rows = ("#" * 60, *["#" + "." * 58 + "#"] * 58, "#" * 60)
     scenario = LidarScenario(map=rows, resolution=0.1, sensor_range=3.0)
-    assert scenario.size == 6.0
+    assert scenario.size == 8.0
     events = begin(scenario, 0)
     next(events)
     observation = next(events)
     assert observation.scenario.map is None
-    assert observation.scenario.size == 6.0
+    assert observation.scenario.size == 8.0

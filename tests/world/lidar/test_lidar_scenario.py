@@ -19,10 +19,10 @@ REFUSED = {
         {"map_resolution": 0.15},
         r"cell_size 2 m is no multiple of map_resolution 0\.15 m",
     ),
-    "too fine a truth": ({"size": 40.0, "resolution": 0.01}, r"resolution 0\.01 m gives more than 4,000,000 cells"),
+    "too fine a truth": ({"size": 40.0, "resolution": 0.01}, r"resolution 0\.01 m gives more than 4,200,000 cells"),
     "too fine a map": (
         {"size": 100.0, "map_resolution": 0.04},
-        r"map_resolution 0\.04 m gives more than 4,000,000 cells",
+        r"map_resolution 0\.04 m gives more than 4,200,000 cells",
     ),
     "a robot wider than the passage": (
         {"robot_radius": 0.35},

@@ -171,3 +171,74 @@ def test_a_world_is_read_only_and_fits_its_grid():
             array[0, 0] = 1
     with pytest.raises(ValueError, match="counted have the shape"):
         LidarWorld(world.grid, world.obstacles, world.counted[1:], world.start)
+
+
+# Given maps
+
+
+def plan(*obstacles, edge=80):
+    """Rows of a map of 8 m, free but for these slices (rows from the north)."""
+    cells = np.zeros((edge, edge), dtype=bool)
+    for place in obstacles:
+        cells[place] = True
+    return tuple("".join("#" if cell else "." for cell in row) for row in cells)
+
+
+def walls(top, bottom, left, right):
+    """The four walls of a box, one cell thick."""
+    across, along = slice(left, right), slice(top, bottom)
+    return [np.s_[top, across], np.s_[bottom - 1, across], np.s_[along, left], np.s_[along, right - 1]]
+
+
+def given(rows, trial=0, **changes):
+    scenario = LidarScenario(map=rows, resolution=0.1, **changes)
+    return LidarWorld.draw(scenario, stream("evaluate", 0, scenario.size, trial, "world"))
+
+
+def place_of(world):
+    """Row from the north and column of the start in the picture of an 80-cell map."""
+    row, column = divmod(cell_of(world.grid, *world.start[:2]), world.grid.columns)
+    return 79 - (row - 5), column - 5
+
+
+def test_half_a_metre_of_wall_lies_around_a_given_map_and_nothing_of_it_is_lost():
+    rows = plan(np.s_[0, :40], np.s_[30:40, 79])
+    world = given(rows)
+    assert world.grid.columns == 100, "8 m, twice half a metre, in whole cells of 2 m"
+    drawn = np.array([list(row) for row in reversed(rows)]) == "#"
+    np.testing.assert_array_equal(world.obstacles[5:85, 5:85], drawn)
+    around = world.obstacles.copy()
+    around[5:85, 5:85] = True
+    assert around.all()
+
+
+def test_the_border_is_whole_cells_where_half_a_metre_is_none():
+    scenario = LidarScenario(map=plan(edge=20), resolution=0.4, map_resolution=0.4, passage=0.7)
+    world = LidarWorld.draw(scenario, np.random.default_rng(0))
+    assert world.grid.columns == 25, "8 m, twice two cells, in whole cells of 2 m"
+    assert not world.obstacles[2:22, 2:22].any()
+    assert world.obstacles[:2].all()
+
+
+@pytest.mark.parametrize("trial", range(20))
+def test_a_start_is_drawn_indoors_though_a_door_stands_open(trial):
+    """The house takes a quarter of the map; a pocket in its wall, closed, is indoors as well, but small."""
+    house, door = walls(10, 50, 10, 50), np.s_[25:35, 49]
+    rows = [list(row) for row in plan(*house, *walls(60, 71, 60, 71))]
+    for row in rows[door[0]]:
+        row[49] = "."
+    row, column = place_of(given(tuple("".join(row) for row in rows), trial))
+    assert 10 < row < 50
+    assert 10 < column < 50
+
+
+@pytest.mark.parametrize("trial", range(5))
+def test_without_an_indoors_a_start_is_drawn_in_the_largest_region(trial):
+    row, _ = place_of(given(plan(np.s_[30, :]), trial))
+    assert row > 30
+
+
+def test_a_start_that_the_map_names_is_where_it_says():
+    rows = list(plan())
+    rows[20] = rows[20][:33] + "S" + rows[20][34:]
+    assert place_of(given(tuple(rows))) == (20, 33)

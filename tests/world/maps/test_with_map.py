@@ -163,4 +163,5 @@ def test_a_map_smaller_than_a_cell_is_refused_with_the_fix(tmp_path):
     path = ringed(tmp_path / "tiny.npy", 20)
     with pytest.raises(RequestError, match=r"a map in a square of 2 m gives 1 × 1 cells of 2 m; .* another cell_size"):
         with_map(STAGE, path, 0.05)
-    assert with_map(STAGE.replace(cell_size=0.5, sensor_range=2.0), path, 0.05).size == 1.0
+    scenario = with_map(STAGE.replace(cell_size=0.5, sensor_range=2.0), path, 0.05)
+    assert scenario.size == 2.0, "a metre, and half of one around it"
