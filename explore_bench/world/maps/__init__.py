@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, one_line
 from explore_bench.world.floor_plan import FREE, START
 from explore_bench.world.maps.arrays import read_array
 from explore_bench.world.maps.images import read_image
@@ -92,5 +92,6 @@ def _raster(path: Path, cell_size: float, resolution: float | None) -> Raster:
             raise ValueError(f"it is neither a file in {known} nor one of the gallery ({', '.join(gallery())})")
         return _READERS[suffix](path, cell_size if resolution is None else resolution)
     except OSError as error:
-        where = f" '{error.filename}'" if error.filename and Path(error.filename) != path else ""
+        other = error.filename is not None and Path(error.filename) != path
+        where = f" '{one_line(str(error.filename), 200)}'" if other else ""
         raise ValueError(f"it cannot be read ({error.strerror or error}{where}); look at the name") from None

@@ -110,6 +110,13 @@ def test_a_missing_image_is_named(files):
         with_map(PAPER, files / "orphan.yaml")
 
 
+def test_an_image_with_a_name_of_5000_letters_is_named_in_short(files):
+    (files / "orphan.yaml").write_text((files / "rooms.yaml").read_text().replace("rooms.pgm", "a" * 5000))
+    with pytest.raises(RequestError, match=r"a … a") as error:
+        with_map(PAPER, files / "orphan.yaml")
+    assert len(str(error.value)) < 600
+
+
 # The gallery
 
 
