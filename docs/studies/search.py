@@ -6,7 +6,8 @@ A configuration is a width, a dropout, γ, a rate and a length; the first is the
 hypercube, the same for all three. Each is trained with one seed and judged by its best validation, on the worlds that
 choose the weights of every training; no world of the benchmark is seen. It is successive halving (Jamieson and
 Talwalkar 2016) with one cut: all are trained for 1,000 episodes, the best five and the shipped one to their length.
-Trainings resume from FOLDER; all of them take some hours of a core. Writes search.csv beside this file.
+Trainings resume from FOLDER, and what search-cut.csv beside this file has of the first 1,000 episodes is not done
+again; all of them take some hours of a core. Writes search-cut.csv and search.csv.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ CUT = 1000
 """Episodes after which it is decided who goes on."""
 
 KEPT = 5
+HERE = Path(__file__).parent
+BY = ["strategy", "configuration"]
 
 
 @dataclass(frozen=True)
@@ -141,19 +144,20 @@ def main() -> None:
         parallel = joblib.Parallel(n_jobs=asked.workers, batch_size=1)
         return list(parallel(joblib.delayed(tried)(*job, asked.out, episodes) for job in some))
 
-    first = pd.DataFrame(all_of(jobs, CUT))
+    cut = HERE / "search-cut.csv"
+    done = pd.read_csv(cut) if cut.exists() else pd.DataFrame(columns=BY)
+    known = set(done[BY].itertuples(index=False, name=None))
+    first = pd.concat([done, pd.DataFrame(all_of([job for job in jobs if job[:2] not in known], CUT))])
+    first = first.sort_values([BY[0], "objective"])
+    first.to_csv(cut, index=False, float_format="%.6g")
     order = first.groupby("strategy")["objective"].rank()
     kept = first[(order <= KEPT) | (first["configuration"] == 0)]
-    going_on = set(zip(kept["strategy"], kept["configuration"], strict=True))
+    going_on = set(kept[BY].itertuples(index=False, name=None))
     rows = all_of([job for job in jobs if job[:2] in going_on], max(LENGTHS))
     table = first.merge(
-        pd.DataFrame(rows)[["strategy", "configuration", "trained", "best_after", "objective"]],
-        on=["strategy", "configuration"],
-        how="left",
-        suffixes=("_at_the_cut", ""),
-    ).sort_values(["strategy", "objective", "objective_at_the_cut"])
-    path = Path(__file__).with_name("search.csv")
-    table.to_csv(path, index=False, float_format="%.4g")
+        pd.DataFrame(rows)[[*BY, "trained", "best_after", "objective"]], on=BY, how="left", suffixes=("_at_the_cut", "")
+    ).sort_values([BY[0], "objective", "objective_at_the_cut"])
+    table.to_csv(HERE / "search.csv", index=False, float_format="%.4g")
     print(table.to_string(index=False))
 
 

@@ -1,5 +1,6 @@
 """Claims: comparisons paired by world, corrected within a claim, and verdicts that seeds limit."""
 
+import itertools
 import json
 import math
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ from explore_bench.analysis.claims import (
     Comparison,
     as_values,
     claims,
+    claims_about,
     comparisons,
     examine,
     metric_of,
@@ -242,6 +244,12 @@ def test_training_seeds_are_compared_unpaired(monkeypatch):
     assert (finding.difference, finding.p) == unpaired_difference(np.array(values["a"]), np.array(values["b"]))
     assert finding.p_architecture == finding.p
     assert finding.improvement == 1.0
+    assert finding.means == pytest.approx((3.2, 1.2))
+    assert finding.ranges == ((3.0, 3.4), (1.0, 1.4))
+    assert (finding.relative.mean, finding.relative.n) == (pytest.approx(2.0 / 1.2), 5)
+    assert math.isnan(finding.relative.low)
+    assert math.isnan(finding.relative.high)
+    assert finding.effect == pytest.approx(effect_size(np.subtract.outer(values["a"], values["b"]).reshape(-1)))
     values["b"] = [1.0]
     [finding] = found(rows("a", NOISE), claim=claim)
     assert (finding.n, finding.verdict) == (1, NOT_SHOWN)
@@ -251,6 +259,38 @@ def test_training_seeds_are_compared_unpaired(monkeypatch):
     values["b"] = []
     [finding] = found(rows("a", NOISE), claim=claim)
     assert finding.verdict == NOT_MEASURED
+
+
+def test_a_difference_of_logarithms_is_no_share(monkeypatch):
+    values = {"a": [-1.0, -1.1, -1.2], "b": [-0.5, -0.6, -0.7]}
+    monkeypatch.setattr(module, "strategies", lambda: {name: name for name in values})
+    monkeypatch.setattr(
+        module,
+        "training_values",
+        lambda entry, metric: dict(enumerate(values[entry])) if "validation" in metric else {},
+    )
+    claim = Claim("x", "a learns better.", comparisons("a", "b", ("final_validation",)))
+    [finding] = found(rows("a", NOISE), claim=claim)
+    assert math.isnan(finding.relative.mean)
+    assert finding.verdict == SUPPORTED, "of a validation less is better"
+    assert finding.effect > 0.0
+
+
+def test_of_what_is_not_measured_every_number_is_none():
+    [finding] = found(rows("a", NOISE))
+    numbers = [*finding.means, *itertools.chain(*finding.ranges)]
+    numbers += [
+        getattr(one, name) for one in (finding.difference, finding.relative) for name in ("mean", "low", "high")
+    ]
+    numbers += [finding.p, finding.p_architecture, finding.effect, finding.improvement]
+    assert all(isinstance(number, float) and math.isnan(number) for number in numbers)
+    assert (finding.n, finding.seeds, finding.difference.n, finding.relative.n) == (0, (0, 0), 0, 0)
+
+
+def test_claims_are_about_scenarios_that_were_run():
+    assert claims_about(rows("nearest", [1.0], scenario="paper"))
+    assert {claim.scenario for claim in claims_about(rows("nearest", [1.0], scenario="paper"))} == {"paper"}
+    assert claims_about(rows("nearest", [1.0], scenario="no such")) == ()
 
 
 @pytest.mark.parametrize("metric", ["no_such", "decisions", "early_reward"])
@@ -348,6 +388,8 @@ def test_an_entry_point_that_cannot_be_used_is_a_claim_that_says_why_beside_the_
 def test_values_can_be_written_as_json():
     claim = Claim("x", "a beats b.", (Comparison("a", "b", "trajectory_error", 20.0),))
     values = as_values(claim, found(rows("a", NOISE), rows("c", NOISE), claim=claim))
+    assert list(values) == ["claim", "statement", "verdict", "comparisons"]
+    assert (values["claim"], values["statement"]) == (claim.name, claim.statement)
     assert json.loads(json.dumps(values, allow_nan=False)) == values
     assert values["verdict"] == NOT_MEASURED
     assert values["comparisons"][0]["difference"]["mean"] is None

@@ -12,6 +12,7 @@ from explore_bench.analysis.metrics import (
     METRICS,
     REGRETS,
     absolute_trajectory_error,
+    counts,
     curve,
     finished,
     pose_nees,
@@ -68,6 +69,19 @@ def test_equations_1_to_3_worked_by_hand():
     assert value("exploration_efficiency", made) == pytest.approx(30.0)
 
 
+def test_the_error_of_positions_has_the_traces_of_positions():
+    made = record(scenario=MAP, peak_trace=[0.01] * 4 + [0.25], peak_position_trace=[0.01] * 4 + [0.16])
+    assert value("position_error", made) == pytest.approx(4 / 100 * 0.4)
+    assert value("trajectory_error", made) == pytest.approx(4 / 100 * 0.5)
+
+
+@pytest.mark.parametrize(
+    ("status", "counted"), [("explored", True), ("stuck", True), ("failed", True), ("broken", False)]
+)
+def test_what_the_simulator_broke_counts_for_nothing(status, counted):
+    assert counts(record(status, MAP, peak_trace=[0.01])) == counted
+
+
 def test_the_prior_of_equation_1_follows_the_scenario():
     """U₀ = 2 σ₀² n_g: 2 · 0.25 · 36 = 18."""
     made = record(scenario=Scenario(size=12.0, virtual_sigma=0.5), uncertainty=[17.0, 10.0])
@@ -115,6 +129,8 @@ def test_a_trial_without_rows_reduced_nothing():
     made = record("failed", MAP, rows=0)
     assert (score(made).time, score(made).uncertainty, score(made).peak_trace) == (1000, 200.0, 2.0)
     assert value("uncertainty_reduction", made) == 0.0
+    broken = record("explored", MAP.replace(virtual_sigma=0.1), rows=0)
+    assert (score(broken).time, score(broken).peak_trace) == (0, 0.0), "its status is asked for, and no trace is added"
     assert value("exploration_efficiency", made) == 0.0
     assert value("trajectory_error", made) == pytest.approx(10.0 * math.sqrt(2.0))
     assert [value(name, made) for name in ("t50", "t80", "t90")] == [1000.0] * 3
@@ -316,5 +332,5 @@ def test_curves_of_a_trial_without_rows_hold_its_score():
 
 
 def test_an_unknown_curve_is_an_error():
-    with pytest.raises(KeyError):
+    with pytest.raises(KeyError, match="speed"):
         curve(climbing(), "speed", 3)

@@ -35,6 +35,12 @@ def test_pairs_are_of_the_worlds_that_every_seed_of_both_tried():
     assert (pair.worlds, pair.defined, pair.means) == (2, True, (4.0, 25.0))
 
 
+def test_wins_ties_and_losses_are_counted_in_the_direction_of_the_metric():
+    pair = paired(rows([1.0, 2.0, 3.0, 9.0, 4.0, 6.0]), rows([1.0, 3.0, 3.0, 8.0, 3.0, 5.0]), "e")
+    assert pair.wins(1.0) == (3.0, 2.0, 1.0)
+    assert pair.wins(-1.0) == (1.0, 2.0, 3.0)
+
+
 def test_without_a_common_world_or_a_value_nothing_is_defined():
     assert not paired(rows([1.0]), rows([1.0], first=1), "e").defined
     assert not paired(rows([1.0]), rows([1.0]).iloc[:0], "e").defined
@@ -111,6 +117,40 @@ def test_a_single_seed_is_taken_to_vary_as_those_of_the_other_side():
 
     assert crossed_p(a.mean(axis=0) - b[0], a, b) == pytest.approx(2 * t.sf((8.0 - 2.5) / spread, 3))
     assert crossed_p(b[0] - a.mean(axis=0), b, a) == crossed_p(a.mean(axis=0) - b[0], a, b)
+
+
+def p_by_hand(differences, sides):
+    """Satterthwaite's t from sums of squares, world by world and seed by seed."""
+    n = len(differences)
+    mean = sum(differences) / n
+    of_worlds = sum((d - mean) ** 2 for d in differences) / (n - 1) / n
+    variance, squares = of_worlds, of_worlds**2 / (n - 1)
+    for side in sides:
+        k = len(side)
+        if k == 1:
+            continue
+        share = 1 / k + sum(len(other) == 1 for other in sides)
+        by_seed = [sum(own) / n for own in side]
+        by_world = [sum(own[j] for own in side) / k for j in range(n)]
+        all_ = sum(by_seed) / k
+        of_seeds = sum((own - all_) ** 2 for own in by_seed) / (k - 1)
+        rest = sum((side[i][j] - by_seed[i] - by_world[j] + all_) ** 2 for i in range(k) for j in range(n))
+        of_rest = rest / ((k - 1) * (n - 1)) / n
+        variance += max(share * (of_seeds - of_rest), 0.0)
+        squares += (share * of_seeds) ** 2 / (k - 1) + (share * of_rest) ** 2 / ((k - 1) * (n - 1))
+    from scipy.stats import t
+
+    return 2 * t.sf(abs(mean) / math.sqrt(variance), variance**2 / squares)
+
+
+@pytest.mark.parametrize("of_seed", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize(("seeds", "worlds"), [((3, 4), 6), ((2, 2), 5), ((3, 2), 2), ((1, 3), 7), ((2, 5), 3)])
+def test_seeds_and_worlds_are_components_of_one_variance(seeds, worlds, of_seed):
+    """Few worlds, and effects of both, so that every term matters."""
+    rng = np.random.default_rng([*seeds, worlds])
+    a, b = (crossed(rng, k, worlds, of_seed, 1.0, 1.5, rng.normal(0.0, 1.0, worlds)) for k in seeds)
+    differences = a.mean(axis=0) - b.mean(axis=0)
+    assert crossed_p(differences, a, b) == pytest.approx(p_by_hand(differences, [a, b]), rel=1e-9)
 
 
 def test_single_seeds_or_a_single_world_say_nothing_of_an_architecture():

@@ -201,8 +201,15 @@ def test_a_real_change_for_the_worse_fails_and_the_way_back_is_an_improvement(re
 def test_identical_results_pass_and_the_power_is_not_that_of_no_spread(real):
     gate = judge([threshold()], real("nearest"), real("nearest"))
     assert gate.verdict is Verdict.PASS
-    assert gate.judgements[0].decision.loss == 0.0
-    assert 0.1 < gate.judgements[0].power < 0.9, "50 worlds"
+    (own,) = gate.judgements
+    assert own.decision.loss == 0.0
+    assert 0.1 < own.power < 0.9, "50 worlds"
+    values = own.values()
+    assert values["reference"] == values["now"] == pytest.approx(own.pair.before.mean(), rel=1e-6)
+    assert [values["power"], values["spread"]] == pytest.approx([own.power, own.pair.spread], rel=1e-6)
+    assert values["missing"] == own.pair.missing
+    assert None not in [values[name] for name in own.pair.threshold.model_dump(exclude_none=True)]
+    assert set(values) >= {"n", "unexplored", "verdict"}
 
 
 def test_a_trial_that_fails_where_it_had_explored_is_counted_and_scored(real):

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.stats import t, ttest_1samp
+from scipy.integrate import quad
+from scipy.stats import chi2, norm, t, ttest_1samp
 
 from explore_bench.analysis.gate.margins import beyond_p, holm_levels, lower_bound, power, upper_bound
 from explore_bench.analysis.statistics import holm, sign_flip_p
@@ -71,6 +72,22 @@ def test_the_power_is_that_of_simulated_tests(excess, n):
     draws = np.random.default_rng(n).normal(excess, spread, (2000, n))
     caught = np.mean([beyond_p(own, 0.0) <= level for own in draws])
     assert power(excess, spread, n, level) == pytest.approx(caught, abs=0.04)
+
+
+@pytest.mark.parametrize("n", [3, 5, 20])
+def test_the_power_for_few_values_is_that_of_the_noncentral_t(n):
+    """As scipy's normal and χ² make it: P(t > critical) where t = (z + shift) / √(χ²/ν)."""
+    level, shift = 0.05, 0.4 / 0.25 * np.sqrt(n)
+    critical = t.isf(level, n - 1)
+    share = expectation(lambda x: norm.sf(critical * np.sqrt(x / (n - 1)) - shift), n - 1)
+    assert power(0.4, 0.25, n, level) == pytest.approx(share, abs=1e-6)
+    assert power(-1e9, 1e-3, n, level) == 0.0
+    assert power(1e9, 1e-3, n, level) == 1.0
+
+
+def expectation(function, degrees):
+    """Of a function of a χ² variable."""
+    return quad(lambda x: function(x) * chi2.pdf(x, degrees), 0.0, np.inf, epsabs=1e-10)[0]
 
 
 def test_the_power_grows_with_the_number_of_worlds_and_falls_with_the_spread():
