@@ -13,7 +13,7 @@ suite = ($(BIN)/explore-bench run $(1) --results $(2); status=$$?; \
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean gate lint maps perf plans report reproduce robustness setup stage test \
+.PHONY: bench bench-smoke calibrate clean gate lint maps mutate perf plans report reproduce robustness setup stage test \
   test-slow torture train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure; Figure 16 into results/figure16
@@ -46,6 +46,11 @@ reproduce: $(READY)      ## Run the trials of results/trials.csv anew and compar
 
 torture: $(READY)        ## Kills, full disks, wounded files, misbehaving plugins: is anything lost or harmed? Half an hour
 	$(BIN)/python tests/torture.py
+
+mutate: $(READY)         ## Which changes of metrics, statistics, claims and gate no test notices; a quarter of an hour
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[mutation]'
+	$(BIN)/mutmut run
+	$(BIN)/mutmut results
 
 perf: $(READY)           ## Where a step's time goes
 	$(BIN)/explore-bench perf
@@ -80,4 +85,4 @@ $(READY): pyproject.toml constraints.txt
 	@touch $(READY)
 
 clean:                   ## Remove the environment and what tools left; results stay
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build mutants *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

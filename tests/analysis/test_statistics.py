@@ -1,9 +1,11 @@
 """Means with bootstrap intervals against scipy, and differences paired by hand."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.stats
 from hypothesis import given, strategies as st
 from scipy.stats import bootstrap, kendalltau, permutation_test, t, trim_mean
 
@@ -77,6 +79,24 @@ def test_the_interval_does_not_depend_on_what_was_drawn_before():
 def test_equal_values_have_an_interval_of_no_width():
     estimate = mean_interval(np.full(5, 1.25))
     assert (estimate.mean, estimate.low, estimate.high, estimate.n) == (1.25, 1.25, 1.25, 5)
+
+
+def test_values_of_0_and_1_have_an_interval():
+    found = mean_interval(np.repeat([0.0, 1.0], 10))
+    assert 0.2 < found.low < 0.5 < found.high < 0.8
+
+
+@pytest.mark.parametrize("statistic", [mean_interval, interquartile_mean_interval])
+def test_where_bca_cannot_be_had_the_interval_is_that_of_percentiles(statistic, monkeypatch):
+    """Either end may be what is not finite."""
+    values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0])
+    for ends in ((math.nan, 5.0), (5.0, math.nan), (math.nan, math.nan)):
+        broken = SimpleNamespace(confidence_interval=SimpleNamespace(low=ends[0], high=ends[1]))
+        monkeypatch.setattr(scipy.stats, "bootstrap", lambda *given, broken=broken, **options: broken)
+        drawn = stream("evaluate", 0, 0, 0, "statistics").choice(values, (RESAMPLES, 8))
+        means = drawn.mean(axis=1) if statistic is mean_interval else trim_mean(drawn, 0.25, axis=1)
+        found = statistic(values)
+        assert [found.low, found.high] == pytest.approx(np.quantile(means, [0.025, 0.975]))
 
 
 def test_without_values_there_is_no_mean():
@@ -264,6 +284,18 @@ def test_percentile_intervals_leave_a_fortieth_out_at_either_end():
     assert [(end - estimate.mean) / error for end in (estimate.low, estimate.high)] == pytest.approx(
         [-1.96, 1.96], abs=0.1
     )
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_ratio_has_an_interval_where_all_resamples_have_the_sign_of_the_mean(sign):
+    """However near to 0 they are."""
+    small = sign * np.array([1e-3, 2e-3, 3e-3, 4e-3])
+    found = ratio_interval(2.0 * small, small)
+    assert [found.mean, found.low, found.high] == pytest.approx([2.0, 2.0, 2.0])
+    crossing = ratio_interval(small, np.array([-1e-3, 2e-3, -1e-3, 2e-3]) * sign)
+    assert crossing.mean == pytest.approx(5.0)
+    assert same(crossing, Estimate(crossing.mean, math.nan, math.nan, 4))
+    assert same(ratio_interval(np.array([3.0]), np.array([2.0])), Estimate(1.5, math.nan, math.nan, 1))
 
 
 def test_a_ratio_to_nothing_is_not_defined():
