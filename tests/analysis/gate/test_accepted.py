@@ -101,6 +101,7 @@ def test_a_folder_all_of_whose_records_are_of_older_code_has_no_trials(own_store
         (trial_rows([1.0, 2.0])[:0], "results' holds no trial; run"),
         (trial_rows(["a", "b"]), "something else than numbers in 'trajectory_error'"),
         (pd.concat([trial_rows([1.0, 2.0])] * 2), "has trial 0 of 'Mine' twice"),
+        (pd.concat([trial_rows([1.0, 2.0]), trial_rows([3.0])]), "has trial 0 of 'Mine' twice"),
         (trial_rows([1.0, 2.0]).drop(columns="world"), "lacks the column 'world'"),
     ],
 )
