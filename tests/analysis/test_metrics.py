@@ -244,6 +244,13 @@ def test_counts_are_the_last_value_of_their_column(name, column):
     assert value(name, record(**{column: [5, 0, 3]})) == 3.0
 
 
+@pytest.mark.parametrize("name", ["path_length", "decisions", "collisions", "mislabelled"])
+def test_what_adds_up_along_the_way_says_nothing_of_a_trial_that_broke_off(name):
+    for status in ("failed", "stuck", "broken"):
+        assert math.isnan(value(name, record(status, **{name: [5, 0, 3]})))
+    assert value(name, record("step_limit", **{name: [5, 0, 3]})) == 3.0
+
+
 # Regret
 
 
