@@ -114,8 +114,10 @@ def test_one_value_has_a_mean_but_no_interval():
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_value_that_is_not_finite_is_refused_and_counted(bad):
-    with pytest.raises(ValueError, match="2 of 4"):
-        mean_interval(np.array([1.0, bad, 2.0, bad]))
+    with pytest.raises(ValueError, match="2 of 5"):
+        mean_interval(np.array([1.0, bad, 2.0, bad, 3.0]))
+    with pytest.raises(ValueError, match="1 differences are not finite"):
+        sign_flip_p(np.array([1.0, bad, 2.0]))
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=12))
@@ -143,6 +145,8 @@ def test_differences_are_taken_world_by_world():
     estimate = paired_difference(a, b)
     assert estimate.mean == pytest.approx(1.0)
     assert same(estimate, mean_interval(np.array([2.0, 3.0, -2.0])))
+    many = dict(enumerate(SKEWED.tolist()))
+    assert same(paired_difference(many, dict.fromkeys(many, 0.0), seed=5), mean_interval(SKEWED, 5))
 
 
 def test_only_common_worlds_count():
