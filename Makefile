@@ -44,7 +44,7 @@ report: $(READY)         ## Tables and figures from stored records
 reproduce: $(READY)      ## Run the trials of results/trials.csv anew and compare every value, into results/reproduced
 	$(BIN)/python docs/studies/reproduce.py
 
-torture: $(READY)        ## Kills, full disks, wounded files, misbehaving plugins: is anything lost or harmed? Half an hour
+torture: $(READY)        ## Kills, full disks, wounded files, misbehaving plugins: is anything lost or harmed? An hour
 	$(BIN)/python tests/torture.py
 
 mutate: $(READY)         ## Which changes of metrics, statistics, claims and gate no test notices; a quarter of an hour

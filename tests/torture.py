@@ -2,7 +2,7 @@
 
     python tests/torture.py [--share 0.05] [--only PART] [--seed 0]
 
-In full, `make torture`, it takes about half an hour. It prints a table of what was tried and what was violated, then a
+In full, `make torture`, it takes an hour or more. It prints a table of what was tried and what was violated, then a
 sentence for each violation, and ends with 1 where there is any. What this machine does not allow is "not tried".
 """
 
