@@ -71,7 +71,8 @@ class Answer:
 def surroundings() -> tuple[object, ...]:
     """What a process that is started now begins with: its folder, where it imports from, settings, and shipped code."""
     root = Path(__file__).parents[3]
-    files = {file: file.stat().st_mtime_ns for package in SHIPPED for file in (root / package).rglob("*.py")}
+    code = (file for package in SHIPPED for file in (root / package).rglob("*.py"))
+    files = {file: file.stat().st_mtime_ns for file in code if file.is_file()}  # editors leave links to nothing
     return Path.cwd(), tuple(sys.path), dict(os.environ), files
 
 
