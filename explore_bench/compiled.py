@@ -24,7 +24,7 @@ def cache_folder() -> Path:
     """
     digest = hashlib.sha256()
     for file in sorted(Path(__file__).parent.rglob("*.py")):
-        source = file.read_bytes()
+        source = file.read_bytes() if file.is_file() else b""  # editors leave links to nothing
         if b"@jit" in source:
             digest.update(source)
     name = digest.hexdigest()[:16]

@@ -5,6 +5,7 @@ import os
 import pytest
 from handmade import tiny_plan, write_plugin
 
+from explore_bench import compiled
 from explore_bench.runs import runner
 from explore_bench.runs.runner import check_runnable
 from explore_bench.runs.workers import local, process
@@ -73,6 +74,19 @@ def test_surroundings_hold_every_file_of_the_shipped_code():
     *_, files = process.surroundings()
     names = {"/".join(file.parts[-2:]) for file in files}
     assert {"workers/process.py", "explore_bench/__init__.py", "baselines/nearest.py"} <= names
+
+
+def test_a_link_to_nothing_that_an_editor_leaves_is_no_code(monkeypatch, tmp_path):
+    """Neither where the compiled kernels are named nor where kept processes are told apart."""
+    (tmp_path / "explore_bench" / "runs" / "workers").mkdir(parents=True)
+    (tmp_path / "explore_bench" / ".#kernel.py").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "explore_bench" / "kernel.py").write_text("@jit\n")
+    monkeypatch.setattr(process, "__file__", str(tmp_path / "explore_bench" / "runs" / "workers" / "process.py"))
+    *_, files = process.surroundings()
+    assert [file.name for file in files] == ["kernel.py"]
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "explore_bench" / "compiled.py"))
+    monkeypatch.setattr(compiled.platformdirs, "user_cache_path", lambda name: tmp_path / "cache")
+    assert compiled.cache_folder.__wrapped__().parent == tmp_path / "cache" / "numba"
 
 
 def test_the_look_at_strategies_leaves_processes_for_the_run(tmp_path, monkeypatch):
