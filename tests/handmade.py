@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import textwrap
 
 import numpy as np
@@ -62,6 +63,15 @@ def write_plugin(folder, later="return int(observation.path_lengths.argmin())", 
     file = folder / f"{name}.py"
     file.write_text(f"{textwrap.dedent(head)}\n{source[:start]}{body}\n")
     return f"{file}:Plugin"
+
+
+def alive(pid):
+    """Whether there is a process of this number."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def random_weights(path, seed=0):

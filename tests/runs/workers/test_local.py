@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from handmade import tiny_plan, write_plugin
+from handmade import alive, tiny_plan, write_plugin
 
 from explore_bench import compiled
 from explore_bench.runs import runner
@@ -21,14 +21,6 @@ def tell_pid(folder):
 def pids(count=1, workers=1, owner=""):
     """Processes that do so many jobs."""
     return {pid for _, pid in results_of([Job(tell_pid, (), 60.0, owner)] * count, workers)}
-
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 @pytest.fixture(autouse=True)

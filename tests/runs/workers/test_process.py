@@ -1,7 +1,6 @@
 """Processes of a cluster's worker: limits, deaths, and what they end with."""
 
 import dataclasses
-import os
 import pickle
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from handmade import tiny_plan, write_plugin
+from handmade import alive, tiny_plan, write_plugin
 
 from explore_bench.records.encoding import encode
 from explore_bench.runs.workers import apart, process
@@ -35,14 +34,6 @@ def _end_of_the_process():
 
 def own_pid():
     return apart._own.process._process.pid
-
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 def test_a_trial_has_the_same_shard_as_in_this_process(tmp_path):
