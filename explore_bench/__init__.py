@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         unknown as unknown,
         writing as writing,
     )
+    from explore_bench.files import parse_json as parse_json, read_text as read_text
     from explore_bench.geometry import (
         Array as Array,
         Grid as Grid,
@@ -155,7 +156,9 @@ PUBLIC: dict[str, str] = {
     "validations_path": "analysis.training_curve",
     "scenario_digest": "records.provenance",
     "installed_version": "records.provenance",
-    # errors
+    # files of others, errors
+    "read_text": "files",
+    "parse_json": "files",
     "RequestError": "errors",
     "describe": "errors",
     "unknown": "errors",

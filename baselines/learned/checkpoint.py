@@ -15,7 +15,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
-from explore_bench import RequestError, writing
+from explore_bench import RequestError, parse_json, read_text, writing
 
 FORMAT = 1
 
@@ -154,7 +154,7 @@ def load_state(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         text = (file.metadata() or {}).get("facts", "")
     try:
         facts = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         facts = None
     if not isinstance(facts, dict):
         raise RequestError(f"'{path}' is no checkpoint of a training; remove it and train without --resume.")
@@ -172,11 +172,11 @@ def load_json(path: Path) -> dict[str, Any]:
 
     Raises
     ------
-    RequestError : when the file is missing or damaged.
+    RequestError : when the file is missing, damaged or beyond the limits of files of others.
     """
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        values = parse_json(read_text(path))
+    except (OSError, ValueError) as error:
         raise RequestError(f"'{path}' cannot be read ({error}); restore it or train anew.") from None
     if not isinstance(values, dict):
         raise RequestError(f"'{path}' is no card of weights; restore it or train anew.")

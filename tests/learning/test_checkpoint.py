@@ -3,6 +3,7 @@
 import errno
 import hashlib
 import json
+import os
 import pickle
 from pathlib import Path
 from types import SimpleNamespace
@@ -246,6 +247,27 @@ def test_a_missing_card_is_named(saved):
 def test_a_damaged_card_is_named(content, saved):
     saved.with_suffix(".json").write_bytes(content)
     assert refusal(saved).startswith(f"'{saved.with_suffix('.json')}' cannot be read (")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b'{"format": ' + b"[" * 30 + b"]" * 30 + b"}", "its values lie more than 20 deep"),
+        (b'{"format": ' + b"[" * 100_000, "its values lie more than 20 deep"),
+        (b'{"format": 1' + b" " * 1_000_000 + b"}", "it has 1,000,013 bytes, and at most 1,000,000 are read"),
+        (b'{"format": ' + b"9" * 50 + b"}", "it holds an integer of 167 bits"),
+    ],
+)
+def test_a_card_beyond_the_limits_of_a_file_of_others_is_refused(content, said, saved):
+    saved.with_suffix(".json").write_bytes(content)
+    assert said in refusal(saved)
+
+
+def test_a_card_that_is_a_pipe_is_refused_at_once(saved):
+    card = saved.with_suffix(".json")
+    card.unlink()
+    os.mkfifo(card)
+    assert refusal(saved).startswith(f"'{card}' cannot be read (it is no regular file")
 
 
 @pytest.mark.parametrize("content", ["[1]", '"text"', "null", "7", "NaN"])
