@@ -68,12 +68,14 @@ class VirtualMap:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._constants = constants_of(scenario)
+        self.covariances: Array = np.empty((scenario.cell_count, 3))
+        self.seen = np.empty(scenario.cell_count, dtype=bool)
         self.clear()
 
     def clear(self) -> None:
         """Return to the prior σ₀² I in every cell."""
-        self.covariances: Array = np.tile(prior_of(self._scenario), (self._scenario.cell_count, 1))
-        self.seen = np.zeros(self._scenario.cell_count, dtype=bool)
+        self.covariances[:] = prior_of(self._scenario)
+        self.seen[:] = False
 
     def copy(self) -> VirtualMap:
         """Return an independent copy."""
@@ -140,50 +142,89 @@ def fuse_poses(
         and (N, 3); P = 0 where nothing is hidden.
     """
     reach, bearing_sigma, range_sigma, by_determinant, replace_first = constants
-    bearing2, range2 = bearing_sigma**2, range_sigma**2
     occluded = patches.shape[1] > 0
     cells, ways = room_within(grid, reach)
+    held, sights, better = np.empty((3, len(cells))), np.empty((3, len(cells))), np.empty(len(cells), dtype=np.bool_)
     for i in range(poses.shape[0]):
         if not used[i]:
             continue
-        sigma = covariances[i]
-        xx, xy, yy = sigma[0, 0], sigma[0, 1], sigma[1, 1]
-        xh, yh, hh = sigma[0, 2], sigma[1, 2], sigma[2, 2]
-        for k in range(cells_within(grid, poses[i, 0], poses[i, 1], reach, cells, ways)):
-            cell, dx, dy = cells[k], ways[k, 0], ways[k, 1]
-            distance2 = dx * dx + dy * dy
-            if occluded:
-                u, v = point_in_patch(dx, dy, poses[i, 2], origins[i])
-                if look_up(patches[i], u, v, grid.resolution) == HIDDEN:
-                    continue
-            # J = [1 0 −dy; 0 1 dx]; R turned from (range, bearing) into the world's axes
-            along = range2 / distance2 if distance2 > 1e-12 else 0.0
-            b_xx = xx - 2.0 * dy * xh + dy * dy * hh + along * dx * dx + bearing2 * dy * dy
-            b_yy = yy + 2.0 * dx * yh + dx * dx * hh + along * dy * dy + bearing2 * dx * dx
-            b_xy = xy + dx * xh - dy * yh - dx * dy * hh + (along - bearing2) * dx * dy
+        count = cells_within(grid, poses[i, 0], poses[i, 1], reach, cells, ways)
+        if occluded:
+            count = _not_hidden(cells[:count], ways, poses[i, 2], patches[i], origins[i], grid.resolution)
+        _see(covariances[i], count, ways, bearing_sigma**2, range_sigma**2, sights)
+        for k in range(count):
+            held[0, k], held[1, k], held[2, k] = virtual[cells[k], 0], virtual[cells[k], 1], virtual[cells[k], 2]
+        _compare(count, held, sights, better)
+        for k in range(count):
+            cell, b_xx, b_xy, b_yy = cells[k], sights[0, k], sights[1, k], sights[2, k]
             if replace_first and not seen[cell]:
                 virtual[cell, 0], virtual[cell, 1], virtual[cell, 2] = b_xx, b_xy, b_yy
             elif by_determinant:
                 _intersect_determinant(virtual[cell], b_xx, b_xy, b_yy)
-            else:
+            elif better[k]:
                 _intersect_trace(virtual[cell], b_xx, b_xy, b_yy)
             seen[cell] = True
 
 
 @jit
+def _not_hidden(
+    cells: NDArray[np.int64], ways: Array, heading: float, patch: NDArray[np.uint8], origin: Array, resolution: float
+) -> int:
+    """Move the cells in range that a scan does not hold for hidden, and the ways to them, to the front; how many."""
+    count = 0
+    for k in range(len(cells)):
+        u, v = point_in_patch(ways[k, 0], ways[k, 1], heading, origin)
+        if look_up(patch, u, v, resolution) != HIDDEN:
+            cells[count], ways[count, 0], ways[count, 1] = cells[k], ways[k, 0], ways[k, 1]
+            count += 1
+    return count
+
+
+# The next two have no branch and no call in their loops, so that they are compiled to vector instructions: most sights
+# of a cell tell nothing new, and what they cost is what the virtual map costs.
+
+
+@jit
+def _see(sigma: Array, count: int, ways: Array, bearing2: float, range2: float, sights: Array) -> None:
+    """Covariance J Σ Jᵀ + R with which a pose sees each place that lies `ways` from it [m], into columns of (3, ·)."""
+    xx, xy, yy = sigma[0, 0], sigma[0, 1], sigma[1, 1]
+    xh, yh, hh = sigma[0, 2], sigma[1, 2], sigma[2, 2]
+    for k in range(count):
+        dx, dy = ways[k, 0], ways[k, 1]
+        distance2 = dx * dx + dy * dy
+        # J = [1 0 −dy; 0 1 dx]; R turned from (range, bearing) into the world's axes
+        along = range2 / distance2 if distance2 > 1e-12 else 0.0
+        sights[0, k] = xx - 2.0 * dy * xh + dy * dy * hh + along * dx * dx + bearing2 * dy * dy
+        sights[1, k] = xy + dx * xh - dy * yh - dx * dy * hh + (along - bearing2) * dx * dy
+        sights[2, k] = yy + 2.0 * dx * yh + dx * dx * hh + along * dy * dy + bearing2 * dx * dx
+
+
+@jit
+def _compare(count: int, held: Array, sights: Array, better: NDArray[np.bool_]) -> None:
+    """Say of each sight B of a cell with the covariance A whether the intersection of the least trace is not A itself.
+
+    The derivative of the trace by ω at ω = 1 is tr(A B⁻¹ A) − tr A; while it is not positive, A alone is best.
+    """
+    for k in range(count):
+        xx, xy, yy = held[0, k], held[1, k], held[2, k]
+        b_xx, b_xy, b_yy = sights[0, k], sights[1, k], sights[2, k]
+        trace = xx + yy
+        square_xx, square_xy, square_yy = xx * xx + xy * xy, xy * trace, xy * xy + yy * yy
+        derivative = square_xx * b_yy - 2.0 * square_xy * b_xy + square_yy * b_xx
+        better[k] = not derivative <= trace * (b_xx * b_yy - b_xy * b_xy)
+
+
+@jit
 def _intersect_trace(a: Array, b_xx: float, b_xy: float, b_yy: float) -> None:
-    """Covariance intersection (ω A⁻¹ + (1 − ω) B⁻¹)⁻¹ of 2 × 2 covariances with the ω of the least trace.
+    """Covariance intersection (ω A⁻¹ + (1 − ω) B⁻¹)⁻¹ of 2 × 2 covariances with the ω < 1 of the least trace.
 
     With M = ω A⁻¹ + (1 − ω) B⁻¹ the trace of M⁻¹ is tr M / det M, linear over quadratic in ω: its derivative
-    vanishes at the root of a quadratic. Scaled by det A det B, M becomes p + q ω entry by entry.
+    vanishes at the root of a quadratic. Scaled by det A det B, M becomes p + q ω entry by entry. `_compare` has said
+    that the derivative at ω = 1 is positive.
     """
     xx, xy, yy = a[0], a[1], a[2]
     trace_a, trace_b = xx + yy, b_xx + b_yy
     det_b = b_xx * b_yy - b_xy * b_xy
-    # d tr/dω at ω = 1 is tr(A B⁻¹ A) − tr A; while it is negative A alone is best, as for most sights of a cell
-    square_xx, square_xy, square_yy = xx * xx + xy * xy, xy * trace_a, xy * xy + yy * yy
-    if square_xx * b_yy - 2.0 * square_xy * b_xy + square_yy * b_xx <= trace_a * det_b:
-        return
     # everything below is scaled by det A det B, so that no inverse is formed and M is p + q ω entry by entry:
     # a_ is A⁻¹, o_ is B⁻¹ (M at ω = 0), d_ their difference (the slope of M)
     det_a = xx * yy - xy * xy
