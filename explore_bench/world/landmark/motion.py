@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.compiled import jit
-from explore_bench.geometry import Grid, Pose, compose, place_of
+from explore_bench.geometry import Array, Grid, Pose, compose, place_of
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.signals import Command, Odometry
@@ -42,12 +42,19 @@ class Robot:
 
         Three standard normals are drawn whatever the motion.
         """
-        along, across, twist = self._rng.standard_normal(3)
-        sigma_along, sigma_across, sigma_heading = odometry.sigmas
-        start = self.pose
-        target = compose(start, odometry.motion)
-        self.pose = compose(target, (sigma_along * along, sigma_across * across, sigma_heading * twist))
-        self.collisions += _entries(start, self.pose, self._obstacles, self._grid)
+        normals = self._rng.standard_normal(3)
+        self.pose, entries = _shift(self.pose, odometry.motion, odometry.sigmas, normals, self._obstacles, self._grid)
+        self.collisions += entries
+
+
+@jit
+def _shift(
+    start: Pose, motion: Pose, sigmas: Pose, normals: Array, obstacles: NDArray[np.bool_], grid: Grid
+) -> tuple[Pose, int]:
+    """Pose after a motion and its noise, and how often the way there enters blocked ground."""
+    target = compose(start, motion)
+    end = compose(target, (sigmas[0] * normals[0], sigmas[1] * normals[1], sigmas[2] * normals[2]))
+    return end, _entries(start, end, obstacles, grid)
 
 
 @jit

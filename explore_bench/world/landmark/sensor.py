@@ -33,36 +33,52 @@ class Sensor:
     def scan(self, pose: Pose) -> Scan:
         """Scan taken at a true pose. Two standard normals a landmark of the world are drawn, seen or not."""
         normals = self._rng.standard_normal((len(self._landmarks), 2))
-        seen, bearings, ranges = _sight(
+        seen, bearings, ranges, patch, origin = _scan(
             pose,
             self._landmarks,
+            normals,
+            (self._bearing_sigma, self._range_sigma),
             self._obstacles,
             self._grid,
-            self._min_range,
-            self._range,
+            (self._min_range, self._range),
+            self._reach,
             self._occlusion,
         )
-        patch, origin_x, origin_y = _patch(pose, self._obstacles, self._grid, self._reach, self._occlusion)
         if self._occlusion:
             _show_corners(patch, pose, self._buried, self._grid)
         return Scan(
-            Sightings(
-                landmarks=seen,
-                bearings=bearings + self._bearing_sigma * normals[seen, 0],
-                ranges=ranges + self._range_sigma * normals[seen, 1],
-            ),
-            Patch(cells=patch, origin=(origin_x, origin_y), heading=pose[2]),
+            Sightings(landmarks=seen, bearings=bearings, ranges=ranges),
+            Patch(cells=patch, origin=origin, heading=pose[2]),
         )
+
+
+@jit
+def _scan(
+    pose: Pose,
+    landmarks: Array,
+    normals: Array,
+    sigmas: tuple[float, float],
+    obstacles: NDArray[np.bool_],
+    grid: Grid,
+    limits: tuple[float, float],
+    reach: int,
+    occlusion: bool,
+) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.uint8], tuple[float, float]]:
+    """Ids, bearings and ranges of the landmarks sighted, with their noise, and the patch with its origin."""
+    seen, bearings, ranges = _sight(pose, landmarks, normals, sigmas, obstacles, grid, limits, occlusion)
+    patch, origin = _patch(pose, obstacles, grid, reach, occlusion)
+    return seen, bearings, ranges, patch, origin
 
 
 @jit
 def _sight(
     pose: Pose,
     landmarks: Array,
+    normals: Array,
+    sigmas: tuple[float, float],
     obstacles: NDArray[np.bool_],
     grid: Grid,
-    min_range: float,
-    max_range: float,
+    limits: tuple[float, float],
     occlusion: bool,
 ) -> tuple[NDArray[np.int64], Array, Array]:
     count = landmarks.shape[0]
@@ -73,13 +89,13 @@ def _sight(
     for j in range(count):
         dx, dy = landmarks[j, 0] - pose[0], landmarks[j, 1] - pose[1]
         distance = math.hypot(dx, dy)
-        if distance < min_range or distance > max_range:
+        if distance < limits[0] or distance > limits[1]:
             continue
         if occlusion and not _clear(pose[0], pose[1], landmarks[j, 0], landmarks[j, 1], obstacles, grid):
             continue
         seen[k] = j
-        bearings[k] = wrap_angle(math.atan2(dy, dx) - pose[2])
-        ranges[k] = distance
+        bearings[k] = wrap_angle(math.atan2(dy, dx) - pose[2]) + sigmas[0] * normals[j, 0]
+        ranges[k] = distance + sigmas[1] * normals[j, 1]
         k += 1
     return seen[:k].copy(), bearings[:k].copy(), ranges[:k].copy()
 
@@ -87,7 +103,7 @@ def _sight(
 @jit
 def _patch(
     pose: Pose, obstacles: NDArray[np.bool_], grid: Grid, reach: int, occlusion: bool
-) -> tuple[NDArray[np.uint8], float, float]:
+) -> tuple[NDArray[np.uint8], tuple[float, float]]:
     """Cut the (2 reach + 1)² cells around the robot's own; points outside the map read occupied."""
     column0, row0 = place_of(grid, pose[0], pose[1])
     column0, row0 = column0 - reach, row0 - reach
@@ -103,7 +119,7 @@ def _patch(
                 if not _clear(pose[0], pose[1], x, y, obstacles, grid):
                     patch[i, j] = HIDDEN
     corner_x, corner_y = grid.x0 + column0 * grid.resolution, grid.y0 + row0 * grid.resolution
-    return patch, pose[0] - corner_x, pose[1] - corner_y
+    return patch, (pose[0] - corner_x, pose[1] - corner_y)
 
 
 @jit
