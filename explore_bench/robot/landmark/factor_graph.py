@@ -20,6 +20,10 @@ class FactorGraph:
     """The SLAM graph and its current estimate.
 
     Landmarks are numbered in the order of their first sighting; `landmark_ids` maps back to the sensor's ids.
+
+    Attributes
+    ----------
+    pose : newest estimated pose, as read last.
     """
 
     def __init__(self, scenario: LandmarkScenario, start: Pose) -> None:
@@ -34,7 +38,7 @@ class FactorGraph:
         self._noise: dict[tuple[float, float, float], gtsam.noiseModel.Diagonal] = {}
         self._number: dict[int, int] = {}
         self._steps = -1
-        self._pose: Pose = start
+        self.pose: Pose = start
 
     @property
     def landmark_ids(self) -> list[int]:
@@ -58,7 +62,7 @@ class FactorGraph:
             guess = self._start
             graph.add(gtsam.PriorFactorPose2(key, gtsam.Pose2(*guess), self._prior))
         else:
-            guess = compose(self._pose, odometry.motion)
+            guess = compose(self.pose, odometry.motion)
             motion = gtsam.Pose2(*odometry.motion)
             if odometry.sigmas not in self._noise:
                 self._noise[odometry.sigmas] = _sigmas(*odometry.sigmas)
@@ -97,8 +101,8 @@ class FactorGraph:
 
     def newest_pose(self) -> Pose:
         """Estimate of the newest pose."""
-        self._pose = self._pose_estimate(self._steps)
-        return self._pose
+        self.pose = self._pose_estimate(self._steps)
+        return self.pose
 
     def _pose_estimate(self, step: int) -> Pose:
         pose = self._isam.calculateEstimatePose2(X(step))
@@ -111,7 +115,7 @@ class FactorGraph:
         still, so does everything below.
         """
         now = self._pose_estimate(step)
-        return max(abs(a - b) for a, b in zip(now, self._pose, strict=True)) > UNMOVED
+        return max(abs(a - b) for a, b in zip(now, self.pose, strict=True)) > UNMOVED
 
     def estimate(self) -> tuple[Array, Array]:
         """Estimates of all poses, shape (N, 3), and landmarks, shape (M, 2), in order."""
@@ -120,7 +124,7 @@ class FactorGraph:
         landmarks = gtsam.utilities.extractPoint2(values) if self._number else np.empty((0, 2))
         landmarks = np.ascontiguousarray(landmarks)
         x, y, heading = poses[-1].tolist()
-        self._pose = (x, y, heading)
+        self.pose = (x, y, heading)
         return poses, landmarks
 
 

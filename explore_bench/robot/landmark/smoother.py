@@ -85,8 +85,7 @@ class Smoother:
     @property
     def pose(self) -> Pose:
         """Newest estimated pose."""
-        x, y, heading = self.poses[-1].tolist()
-        return x, y, heading
+        return self._graph.pose
 
     @property
     def pose_covariances(self) -> Array:

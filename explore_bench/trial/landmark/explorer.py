@@ -25,7 +25,7 @@ from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.landmark.motion import Robot
 from explore_bench.world.landmark.sensor import Sensor
 from explore_bench.world.landmark.world import LandmarkWorld
-from explore_bench.world.signals import Command
+from explore_bench.world.signals import Command, Odometry, Scan
 
 ROBOT = 0
 """Number of the robot; there is one."""
@@ -39,6 +39,8 @@ class LandmarkExplorer:
     scenario : what the robot may know of it.
     steps, decisions : counted so far.
     smoother : its SLAM.
+    own_cell : the cell of the estimated position.
+    explored : known share of the cells that count.
     """
 
     def __init__(
@@ -66,27 +68,16 @@ class LandmarkExplorer:
         self._choices: list[NDArray[np.int64]] = []
         self._roads: Roads | None = None
         self.smoother = Smoother(self.scenario, world.start, lap)
-        self.smoother.update(None, self._sensor.scan(self._robot.pose))
+        self._take_in(None, self._sensor.scan(self._robot.pose))
         for _ in range(self.scenario.start_moves):
             odometry = self.scenario.noise.start_move
             self._robot.shift(odometry)
-            self.smoother.update(odometry, self._sensor.scan(self._robot.pose))
+            self._take_in(odometry, self._sensor.scan(self._robot.pose))
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """Cells observed, shape (rows, columns)."""
         return self.smoother.occupancy.known.reshape(self.scenario.grid.shape)
-
-    @property
-    def explored(self) -> float:
-        """Known share of the cells that count."""
-        return float(np.count_nonzero(self.smoother.occupancy.known & self._counted)) / self._count
-
-    @property
-    def own_cell(self) -> int:
-        """The cell of the estimated position."""
-        x, y, _ = self.smoother.pose
-        return self.scenario.grid.cell_of(x, y)
 
     def belief(self) -> Belief:
         """What the robot believes now, frozen."""
@@ -185,7 +176,7 @@ class LandmarkExplorer:
                     return False
                 x, y, _ = self.smoother.pose
                 off = distance_to_segment(x, y, *previous, to_x, to_y) > self.scenario.path_tolerance
-                if has_moved and (off or self._is_blocked(needed[segment_of >= segment])):
+                if has_moved and (off or self._is_blocked(needed, segment_of, segment)):
                     return False
             previous = to_x, to_y
         return True
@@ -193,22 +184,21 @@ class LandmarkExplorer:
     def row(self) -> LandmarkStep:
         """The primitives after the last step."""
         smoother = self.smoother
-        covariance = smoother.pose_covariances[-1]
-        occupancy = smoother.occupancy
+        xx, xy, xh, _, yy, yh, _, _, hh = smoother.pose_covariances[-1].ravel().tolist()
         values: tuple[Any, ...] = (
             self.steps,
             self.decisions,
             ROBOT,
             *self._robot.pose,
             *smoother.pose,
-            *covariance[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]].tolist(),
+            *(xx, xy, yy, xh, yh, hh),
             smoother.virtual_map.uncertainty,
             *smoother.peak_traces,
             self.explored,
             self._length,
             self._turned,
             self._robot.collisions,
-            int(np.count_nonzero(occupancy.known & (occupancy.occupied != self._truth))),
+            self._mislabelled,
             len(smoother.landmarks),
         )
         row = LandmarkStep(*values)
@@ -221,7 +211,7 @@ class LandmarkExplorer:
             scenario=self.scenario,
             pose=self.smoother.pose,
             known=self.known,
-            occupied=self.smoother.occupancy.occupied.reshape(self.scenario.grid.shape),
+            occupied=self._occupied.reshape(self.scenario.grid.shape),
             landmarks=self.smoother.landmarks,
             inside=self._inside,
             least_unknown=self.scenario.frontier_neighbours,
@@ -236,11 +226,21 @@ class LandmarkExplorer:
         odometry = self._robot.move(command)
         scan = self._sensor.scan(self._robot.pose)
         self._lap("world")
-        self.smoother.update(odometry, scan)
+        self._take_in(odometry, scan)
 
-    def _is_blocked(self, cells: NDArray[np.int64]) -> bool:
-        smoother = self.smoother
-        return _any_blocked(cells, self.own_cell, smoother.occupancy.occupied, smoother.landmarks, self.scenario.grid)
+    def _take_in(self, odometry: Odometry | None, scan: Scan) -> None:
+        """Let SLAM take in a step, and read out what is asked for several times until the next."""
+        self.smoother.update(odometry, scan)
+        x, y, _ = self.smoother.pose
+        self.own_cell = self.scenario.grid.cell_of(x, y)
+        self._occupied = self.smoother.occupancy.occupied
+        known, self._mislabelled = _tally(self.smoother.occupancy.known, self._occupied, self._counted, self._truth)
+        self.explored = known / self._count
+
+    def _is_blocked(self, cells: NDArray[np.int64], segment_of: NDArray[np.int64], segment: int) -> bool:
+        return _any_blocked(
+            cells, segment_of, segment, self.own_cell, self._occupied, self.smoother.landmarks, self.scenario.grid
+        )
 
 
 def _require_fit(scenario: LandmarkScenario, world: LandmarkWorld) -> None:
@@ -264,21 +264,39 @@ def _needed_cells(path: NDArray[np.int64], columns: int) -> tuple[NDArray[np.int
 
 
 @jit
+def _tally(
+    known: NDArray[np.bool_], occupied: NDArray[np.bool_], counted: NDArray[np.bool_], truth: NDArray[np.bool_]
+) -> tuple[int, int]:
+    """Known cells that count, and known cells believed to be what they are not; all of shape (n_g,)."""
+    in_count = mislabelled = 0
+    for cell in range(len(known)):
+        if known[cell]:
+            in_count += counted[cell]
+            mislabelled += occupied[cell] != truth[cell]
+    return in_count, mislabelled
+
+
+@jit
 def _any_blocked(
     cells: NDArray[np.int64],
+    segment_of: NDArray[np.int64],
+    segment: int,
     own_cell: int,
     occupied: NDArray[np.bool_],
     landmarks: Array,
     grid: Grid,
 ) -> bool:
-    """Whether one of the cells, the robot's own aside, is occupied (shape (n_g,)) or holds a landmark's estimate."""
-    for cell in cells:
-        if cell != own_cell and occupied[cell]:
+    """Whether one of the cells of this segment or a later one, the robot's own aside, is occupied or holds a landmark.
+
+    `occupied` has the shape (n_g,); a landmark is where it is estimated.
+    """
+    for i in range(len(cells)):
+        if segment_of[i] >= segment and cells[i] != own_cell and occupied[cells[i]]:
             return True
     for m in range(landmarks.shape[0]):
         holder = cell_of(grid, landmarks[m, 0], landmarks[m, 1])
         if holder != own_cell:
-            for cell in cells:
-                if cell == holder:
+            for i in range(len(cells)):
+                if segment_of[i] >= segment and cells[i] == holder:
                     return True
     return False
