@@ -20,6 +20,12 @@ from numpy.typing import NDArray
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array
 
+CHECKPOINT = 32
+"""Poses between two corners that are kept, for an elimination to set in again there."""
+
+NO_CHECKPOINTS = np.empty((0, 0, 0))
+"""Checkpoints of an elimination that none sets in again."""
+
 
 @dataclass(frozen=True, slots=True)
 class Elimination:
@@ -85,11 +91,13 @@ def eliminate(
     gains: Array,
     borders: Array,
     widths: NDArray[np.int64],
+    checkpoints: Array,
 ) -> int:
     """Eliminate poses first … last − 1 of the chain, moving the corner from pose `first` to pose `last`.
 
     `row` is the first sighting of pose first + 1. Fills pivots and gains, shape (·, 3, 3), borders, shape
-    (·, 3, 2M), and widths, the border columns that are not zero, shape (·,). Returns the row after the last
+    (·, 3, 2M), and widths, the border columns that are not zero, shape (·,). The corner of every `CHECKPOINT`-th pose
+    is kept in `checkpoints`, shape (·, ≥ 3 + 2M, ≥ 3 + 2M), as far as there is room. Returns the row after the last
     sighting used.
     """
     border = corner.shape[0] - 3
@@ -101,6 +109,9 @@ def eliminate(
         if corner[0, 3 + c] != 0.0 or corner[1, 3 + c] != 0.0 or corner[2, 3 + c] != 0.0:
             width = c + 1
     for k in range(first, last):
+        if k % CHECKPOINT == 0 and k // CHECKPOINT < checkpoints.shape[0]:
+            checkpoints[k // CHECKPOINT] = 0.0
+            checkpoints[k // CHECKPOINT, : border + 3, : border + 3] = corner
         widths[k] = width
         # information of pose k with its odometry factor ahead, and its coupling J to pose k + 1
         for i in range(3):
@@ -172,15 +183,19 @@ def recover(
     next_cross = np.empty((3, border))
     step = np.empty((3, 3))
     to_world(own, headings[last], covariances[last])
+    # Σ(k, ·) of a landmark that no pose up to k sighted is needed no more
+    needed = np.empty(last, dtype=np.int64)
+    for k in range(last):
+        needed[k] = max(widths[k], needed[k - 1] if k > 0 else 0)
     for k in range(last - 1, -1, -1):
-        width = widths[k]
+        width, columns = widths[k], needed[k]
         for i in range(3):  # Σ(k, landmarks) = −G Σ(k + 1, landmarks) − K Σ(landmarks)
             g0, g1, g2 = gains[k, i, 0], gains[k, i, 1], gains[k, i, 2]
-            for c in range(border):
+            for c in range(columns):
                 next_cross[i, c] = -(g0 * cross[0, c] + g1 * cross[1, c] + g2 * cross[2, c])
         for a in range(width):
             e0, e1, e2 = borders[k, 0, a], borders[k, 1, a], borders[k, 2, a]
-            for c in range(border):
+            for c in range(columns):
                 entry = landmarks[a, c]
                 next_cross[0, c] -= e0 * entry
                 next_cross[1, c] -= e1 * entry

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose, compose
 from explore_bench.robot.belief import Belief, freeze, peak_traces
-from explore_bench.robot.landmark.block_arrow import Elimination, eliminate, invert_corner, recover
+from explore_bench.robot.landmark.block_arrow import NO_CHECKPOINTS, Elimination, eliminate, invert_corner, recover
 from explore_bench.robot.landmark.driver import Driver
 from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
 from explore_bench.robot.virtual_map import (
@@ -207,6 +207,7 @@ def _predict(belief: Belief, done: Elimination, places: Array) -> LandmarkPredic
         gains,
         borders,
         widths,
+        NO_CHECKPOINTS,
     )
     corner_covariance = invert_corner(corner)
     covariances = np.empty((past + added, 3, 3))

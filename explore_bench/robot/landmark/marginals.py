@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from explore_bench.geometry import Array
 from explore_bench.robot.landmark.block_arrow import (
+    CHECKPOINT,
     Elimination,
     add_sightings,
     eliminate,
@@ -15,7 +16,7 @@ from explore_bench.robot.landmark.block_arrow import (
     to_world,
 )
 from explore_bench.robot.landmark.growing import Rows
-from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, linearize_sightings
+from explore_bench.robot.landmark.linearization import Linearization, linearize_odometry, relinearize
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Odometry
 
@@ -23,8 +24,9 @@ from explore_bench.world.signals import Odometry
 class Marginals:
     """Linearized graph, its elimination, and the covariances of all poses and landmarks.
 
-    `solve` computes all of it at new estimates; `extend` adds a pose that sighted nothing, by which no earlier
-    covariance changes. Both are exact for the graph linearized at the estimates given.
+    `solve` computes them at new estimates, setting in where the first of these differs from before; `extend` adds a
+    pose that sighted nothing, by which no earlier covariance changes. Both are exact for the graph linearized at the
+    estimates given.
     """
 
     def __init__(self, scenario: LandmarkScenario) -> None:
@@ -37,6 +39,9 @@ class Marginals:
         self._pivots, self._gains = Rows((3, 3)), Rows((3, 3))
         self._borders, self._widths = Rows((3, 2 * scenario.landmarks)), Rows((), np.int64)
         self._corner = self._corner_covariance = np.empty((3, 3))
+        self._checkpoints = Rows((3 + 2 * scenario.landmarks, 3 + 2 * scenario.landmarks))
+        self._eliminated = 0
+        self._at: tuple[Array, Array] = np.empty((0, 3)), np.empty((0, 2))
         self._covariances = Rows((3, 3))
 
     @property
@@ -62,6 +67,7 @@ class Marginals:
                 rows.resize(pose)
             self._borders.resize(pose)
             self._widths.resize(pose)
+            self._checkpoints.resize(pose // CHECKPOINT + 1)
         for landmark in landmarks:
             self._sighting_poses.append(pose)
             self._sighting_landmarks.append(landmark)
@@ -70,11 +76,14 @@ class Marginals:
 
     def solve(self, poses: Array, landmarks: Array) -> None:
         """Compute everything at these estimates, shapes (N, 3) and (M, 2)."""
-        self._linearize_odometry(0, poses)
-        linearize_sightings(
-            0,
+        intact = relinearize(
             poses,
             landmarks,
+            *self._at,
+            self._motions.view,
+            self._sigmas.view,
+            self._odometry_from.view,
+            self._odometry_to.view,
             self._sighting_poses.view,
             self._sighting_landmarks.view,
             self._noise.bearing,
@@ -82,11 +91,19 @@ class Marginals:
             self._of_pose.view,
             self._of_landmark.view,
         )
+        self._at = poses.copy(), landmarks.copy()
         size = 3 + 2 * len(landmarks)
-        self._corner = np.zeros((size, size))
-        self._corner[:3, :3] = self._prior.T @ self._prior
-        row = add_sightings(self._corner, 0, 0, *self._sightings)
-        self._eliminate(0, row)
+        kept = min(intact, self._eliminated - 1) // CHECKPOINT
+        if kept > 0:
+            first = CHECKPOINT * kept
+            self._corner = self._checkpoints.view[kept, :size, :size].copy()
+            row = int(np.searchsorted(self._sighting_poses.view, first, side="right"))
+        else:
+            first = 0
+            self._corner = np.zeros((size, size))
+            self._corner[:3, :3] = self._prior.T @ self._prior
+            row = add_sightings(self._corner, 0, 0, *self._sightings)
+        self._eliminate(first, row)
         self._corner_covariance = invert_corner(self._corner)
         recover(
             len(poses) - 1,
@@ -102,7 +119,10 @@ class Marginals:
     def extend(self, poses: Array) -> None:
         """Add the newest of the poses, shape (N, 3), which sighted nothing, to what is there."""
         k = len(poses) - 2
-        self._linearize_odometry(k, poses)
+        linearize_odometry(
+            k, poses, self._motions.view, self._sigmas.view, self._odometry_from.view, self._odometry_to.view
+        )
+        self._at = poses.copy(), self._at[1]
         self._eliminate(k, len(self._sighting_poses))
         # x' = F x + G w, with both blocks whitened: J_to δ' + J_from δ ~ N(0, I)
         noise = np.linalg.inv(self._odometry_to.view[k])
@@ -147,16 +167,6 @@ class Marginals:
             self._of_landmark.view,
         )
 
-    def _linearize_odometry(self, first: int, poses: Array) -> None:
-        linearize_odometry(
-            first,
-            poses,
-            self._motions.view,
-            self._sigmas.view,
-            self._odometry_from.view,
-            self._odometry_to.view,
-        )
-
     def _eliminate(self, first: int, row: int) -> None:
         eliminate(
             first,
@@ -170,4 +180,6 @@ class Marginals:
             self._gains.view,
             self._borders.view,
             self._widths.view,
+            self._checkpoints.view,
         )
+        self._eliminated = len(self._covariances) - 1
