@@ -121,8 +121,9 @@ class FactorGraph:
         """Estimates of all poses, shape (N, 3), and landmarks, shape (M, 2), in order."""
         values = self._isam.calculateEstimate()
         poses = gtsam.utilities.extractPose2(values)
-        landmarks = gtsam.utilities.extractPoint2(values) if self._number else np.empty((0, 2))
-        landmarks = np.ascontiguousarray(landmarks)
+        landmarks = np.empty((len(self._number), 2))
+        for number in range(len(landmarks)):  # few: `extractPoint2` goes through all poses again
+            landmarks[number] = values.atPoint2(L(number))
         x, y, heading = poses[-1].tolist()
         self.pose = (x, y, heading)
         return poses, landmarks
