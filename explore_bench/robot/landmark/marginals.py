@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from explore_bench.compiled import jit
 from explore_bench.geometry import Array
 from explore_bench.robot.landmark.block_arrow import (
     CHECKPOINT,
@@ -31,7 +32,8 @@ class Marginals:
 
     def __init__(self, scenario: LandmarkScenario) -> None:
         noise = self._noise = scenario.noise
-        self._prior = np.diag(1.0 / np.array([noise.prior, noise.prior, noise.prior_heading]))
+        root = self._prior_root = np.diag(1.0 / np.array([noise.prior, noise.prior, noise.prior_heading]))
+        self._prior = root.T @ root
         self._motions, self._sigmas = Rows((3,)), Rows((3,))
         self._odometry_from, self._odometry_to = Rows((3, 3)), Rows((3, 3))
         self._sighting_poses, self._sighting_landmarks = Rows((), np.int64), Rows((), np.int64)
@@ -76,45 +78,27 @@ class Marginals:
 
     def solve(self, poses: Array, landmarks: Array) -> None:
         """Compute everything at these estimates, shapes (N, 3) and (M, 2)."""
-        intact = relinearize(
+        self._corner, self._corner_covariance = _solve(
             poses,
             landmarks,
             *self._at,
+            self._prior,
+            (self._noise.bearing, self._noise.range),
             self._motions.view,
             self._sigmas.view,
             self._odometry_from.view,
             self._odometry_to.view,
-            self._sighting_poses.view,
-            self._sighting_landmarks.view,
-            self._noise.bearing,
-            self._noise.range,
-            self._of_pose.view,
-            self._of_landmark.view,
-        )
-        self._at = poses.copy(), landmarks.copy()
-        size = 3 + 2 * len(landmarks)
-        kept = min(intact, self._eliminated - 1) // CHECKPOINT
-        if kept > 0:
-            first = CHECKPOINT * kept
-            self._corner = self._checkpoints.view[kept, :size, :size].copy()
-            row = int(np.searchsorted(self._sighting_poses.view, first, side="right"))
-        else:
-            first = 0
-            self._corner = np.zeros((size, size))
-            self._corner[:3, :3] = self._prior.T @ self._prior
-            row = add_sightings(self._corner, 0, 0, *self._sightings)
-        self._eliminate(first, row)
-        self._corner_covariance = invert_corner(self._corner)
-        recover(
-            len(poses) - 1,
-            self._corner_covariance,
+            *self._sightings,
             self._pivots.view,
             self._gains.view,
             self._borders.view,
             self._widths.view,
-            poses[:, 2].copy(),
+            self._checkpoints.view,
+            self._eliminated,
             self._covariances.view,
         )
+        self._at = poses.copy(), landmarks.copy()
+        self._eliminated = len(poses) - 1
 
     def extend(self, poses: Array) -> None:
         """Add the newest of the poses, shape (N, 3), which sighted nothing, to what is there."""
@@ -123,7 +107,21 @@ class Marginals:
             k, poses, self._motions.view, self._sigmas.view, self._odometry_from.view, self._odometry_to.view
         )
         self._at = poses.copy(), self._at[1]
-        self._eliminate(k, len(self._sighting_poses))
+        eliminate(
+            k,
+            k + 1,
+            len(self._sighting_poses),
+            self._odometry_from.view,
+            self._odometry_to.view,
+            *self._sightings,
+            self._corner,
+            self._pivots.view,
+            self._gains.view,
+            self._borders.view,
+            self._widths.view,
+            self._checkpoints.view,
+        )
+        self._eliminated = k + 1
         # x' = F x + G w, with both blocks whitened: J_to δ' + J_from δ ~ N(0, I)
         noise = np.linalg.inv(self._odometry_to.view[k])
         transition = -noise @ self._odometry_from.view[k]
@@ -138,7 +136,7 @@ class Marginals:
     def linearization(self) -> Linearization:
         """Copy of the Jacobian blocks."""
         return Linearization(
-            prior=self._prior.copy(),
+            prior=self._prior_root.copy(),
             odometry_from=self._odometry_from.view.copy(),
             odometry_to=self._odometry_to.view.copy(),
             sighting_poses=self._sighting_poses.view.copy(),
@@ -167,19 +165,79 @@ class Marginals:
             self._of_landmark.view,
         )
 
-    def _eliminate(self, first: int, row: int) -> None:
-        eliminate(
-            first,
-            len(self._covariances) - 1,
-            row,
-            self._odometry_from.view,
-            self._odometry_to.view,
-            *self._sightings,
-            self._corner,
-            self._pivots.view,
-            self._gains.view,
-            self._borders.view,
-            self._widths.view,
-            self._checkpoints.view,
-        )
-        self._eliminated = len(self._covariances) - 1
+
+@jit
+def _solve(
+    poses: Array,
+    landmarks: Array,
+    poses_before: Array,
+    landmarks_before: Array,
+    prior: Array,
+    sight_sigmas: tuple[float, float],
+    motions: Array,
+    sigmas: Array,
+    odometry_from: Array,
+    odometry_to: Array,
+    sighting_poses: NDArray[np.int64],
+    sighting_landmarks: NDArray[np.int64],
+    of_pose: Array,
+    of_landmark: Array,
+    pivots: Array,
+    gains: Array,
+    borders: Array,
+    widths: NDArray[np.int64],
+    checkpoints: Array,
+    eliminated: int,
+    covariances: Array,
+) -> tuple[Array, Array]:
+    """Do all of `Marginals.solve` in one call of compiled code; returns the corner and its inverse.
+
+    `poses_before` and `landmarks_before` are where the graph was linearized, `eliminated` how many poses were.
+    """
+    intact = relinearize(
+        poses,
+        landmarks,
+        poses_before,
+        landmarks_before,
+        motions,
+        sigmas,
+        odometry_from,
+        odometry_to,
+        sighting_poses,
+        sighting_landmarks,
+        sight_sigmas[0],
+        sight_sigmas[1],
+        of_pose,
+        of_landmark,
+    )
+    size, last = 3 + 2 * len(landmarks), len(poses) - 1
+    kept = min(intact, eliminated - 1) // CHECKPOINT
+    if kept > 0:
+        corner = checkpoints[kept, :size, :size].copy()
+        first = kept * CHECKPOINT
+        row = int(np.searchsorted(sighting_poses, first, side="right"))
+    else:
+        corner = np.zeros((size, size))
+        corner[:3, :3] = prior
+        first = 0
+        row = add_sightings(corner, 0, 0, sighting_poses, sighting_landmarks, of_pose, of_landmark)
+    eliminate(
+        first,
+        last,
+        row,
+        odometry_from,
+        odometry_to,
+        sighting_poses,
+        sighting_landmarks,
+        of_pose,
+        of_landmark,
+        corner,
+        pivots,
+        gains,
+        borders,
+        widths,
+        checkpoints,
+    )
+    corner_covariance = invert_corner(corner)
+    recover(last, corner_covariance, pivots, gains, borders, widths, poses[:, 2].copy(), covariances)
+    return corner, corner_covariance
