@@ -182,7 +182,7 @@ class ChessExplorer:
             2e-4,
         )
         self._lap("row")
-        return ChessStep(*values, float(self._known.mean()), 2.0 * steps, 0.0, 0, 0, self._diagonal)
+        return ChessStep(*values, float(self._known.mean()), 2.0 * steps, 0.0, 0, 0, 0.0, 0.0, 0, self._diagonal)
 
     @property
     def _uncertainty(self) -> float:

@@ -154,6 +154,68 @@ def last(column: str) -> Callable[[TrialRecord], float]:
     return value
 
 
+FAR = 2.0
+"""A drive this many times as long as the one to the nearest candidate goes to a far one.
+
+From 2 on the robot is no nearer to that candidate at the end of the drive than it was before, wherever the two lie (the
+triangle inequality).
+"""
+
+
+def crossings(record: TrialRecord) -> float:
+    """Decisions that took a far frontier while a near one was left behind; NaN for a trial that broke off.
+
+    A decision is one where the planned drive to its choice is at least FAR times the one to its nearest candidate, the
+    robot drove at least as far as that candidate was, and it is a frontier still when the drive ends.
+    """
+    if broken_off(record):
+        return math.nan
+    steps = record.steps
+    ends = np.flatnonzero(np.diff(steps["decisions"], append=-1))  # last row of each decision that took a step
+    of, way = ends[1:], steps["path_length"]
+    near = steps["nearest_drive"][of]
+    far = (steps["chosen_drive"][of] >= FAR * near) & (steps["chosen_drive"][of] > near)  # near may be 0
+    left = (way[of] - way[ends[:-1]] >= near) & (steps["nearest_waits"][of] > 0)
+    return float(np.count_nonzero(far & left))
+
+
+THROUGH = 3.0
+"""Cells' edges of way along which a robot drives where it was, for a round trip.
+
+It is somewhere again within one edge of there. To cross an old track takes 2 edges at a right angle, up to 3 at 42°;
+what takes longer goes along it.
+"""
+
+
+def round_trips(record: TrialRecord) -> float:
+    """How often the robot drove back through where it was long before; NaN for a trial that broke off.
+
+    A pose is one of going back where the robot was within a cell's edge of there before, has been farther off since,
+    and its way since it was last there is twice the sensor's range or more: there and back as far as it can see. A
+    round trip is a run of such poses over THROUGH edges of way or more; what interrupts it for at most half a range of
+    way is part of it, and to turn about ends it. Places are the true ones: the estimate jumps where loops are closed.
+    """
+    if broken_off(record):
+        return math.nan
+    steps, edge, in_range = record.steps, record.spec.scenario.cell_size, record.spec.scenario.sensor_range
+    way, places = steps["path_length"], np.stack((steps["true_x"], steps["true_y"]), axis=1)
+    back = way[_going_back(places, way, edge, 2.0 * in_range)]
+    runs = np.split(back, np.flatnonzero(np.diff(back) > in_range / 2.0) + 1)
+    return float(sum(len(run) > 0 and run[-1] - run[0] >= THROUGH * edge for run in runs))
+
+
+def _going_back(places: Array, way: Array, near: float, away: float) -> Array:
+    """Numbers of the poses (places [m], shape (N, 2)) that are near an earlier one after that much way elsewhere."""
+    found = []
+    for now in range(1, len(places)):
+        beside = ((places[:now] - places[now]) ** 2).sum(axis=1) <= near**2
+        last_off = now - 1 - int(beside[::-1].argmin()) if not beside.all() else 0
+        before = np.flatnonzero(beside[:last_off])
+        if len(before) and way[now] - way[before[-1]] >= away:
+            found.append(now)
+    return np.array(found, dtype=np.int64)
+
+
 METRICS: dict[str, Metric] = {
     "trajectory_error": Metric("e", "m", "lower", "n_a / n_g · √(max tr Σ_v, v ∈ V_p) (Eq. 3)", trajectory_error),
     "exploration_efficiency": Metric("η", "m²/step", "higher", "(U₀ − U_T) / T (Eq. 2)", exploration_efficiency),
@@ -171,6 +233,12 @@ METRICS: dict[str, Metric] = {
     "pose_nees": Metric("NEES", "1", None, "mean dᵀ Σ⁻¹ d of the running pose; 3 is honest", pose_nees),
     "collisions": Metric("C", "1", "lower", "true entries into obstacles or off the map", last("collisions")),
     "mislabelled": Metric("M", "cells", "lower", "known cells believed to be what they are not", last("mislabelled")),
+    "crossings": Metric(
+        "crossings", "1", "lower", "decisions that took a frontier ≥ 2 times as far as one left behind", crossings
+    ),
+    "round_trips": Metric(
+        "round trips", "1", "lower", "drives along where it was, ≥ 2 sensor ranges of way ago", round_trips
+    ),
 }
 
 

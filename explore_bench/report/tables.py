@@ -39,6 +39,8 @@ DETAIL_METRICS = (
     "pose_nees",
     "collisions",
     "mislabelled",
+    "crossings",
+    "round_trips",
 )
 STATUSES = ("explored", "step_limit", "stuck", "failed")
 

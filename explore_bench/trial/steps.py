@@ -54,6 +54,9 @@ class Step:
     turned: Annotated[float, Column("float64", "rad", "sum of the magnitudes of the turns so far")]
     collisions: Annotated[int, Column("int32", "1", "entries of the true robot into obstacles or off the map")]
     mislabelled: Annotated[int, Column("int32", "1", "known cells believed to be what they are not")]
+    nearest_drive: Annotated[float, Column("float64", "m", "planned drive to the last decision's nearest candidate")]
+    chosen_drive: Annotated[float, Column("float64", "m", "planned drive to the candidate or target that it chose")]
+    nearest_waits: Annotated[int, Column("int32", "1", "whether that nearest candidate is a frontier still: 0 or 1")]
 
 
 @cache

@@ -67,7 +67,8 @@ TRIAL = 4
 TOLERANCE = 1e-6
 FLOATS = ("true_x", "true_y", "true_heading", "x", "y", "heading", "cov_xx", "cov_xy", "cov_yy", "cov_hh")
 FLOATS += ("uncertainty", "peak_trace", "peak_position_trace", "explored", "path_length", "turned")
-COUNTS = ("step", "decisions", "collisions", "mislabelled", "landmarks")
+FLOATS += ("nearest_drive", "chosen_drive")
+COUNTS = ("step", "decisions", "collisions", "mislabelled", "nearest_waits", "landmarks")
 
 
 def played(name):

@@ -22,6 +22,7 @@ from playing import (
 
 from explore_bench.errors import RequestError
 from explore_bench.geometry import centre_of
+from explore_bench.strategies.contract import Target
 from explore_bench.trial.explorer import ChoiceError
 from explore_bench.trial.run import Status
 from explore_bench.trial.spec import TrialSpec
@@ -31,9 +32,9 @@ from explore_bench.world.landmark.world import LandmarkWorld
 from explore_bench.world.scenario import Scenario
 
 
-def known_around(observation, cell):
-    row, column = divmod(cell, observation.scenario.grid.columns)
-    return observation.belief.known[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].tolist()
+def known_around(belief, cell):
+    row, column = divmod(cell, belief.scenario.grid.columns)
+    return belief.known[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].tolist()
 
 
 # Rows
@@ -139,6 +140,47 @@ def test_rows_agree_with_the_belief_and_the_true_map():
         assert row.landmarks == len(belief.landmarks)
 
 
+def expected_drives(observation, answer):
+    """Planned drive to the nearest candidate and to what was answered [m]."""
+    lengths = observation.path_lengths
+    if isinstance(answer, Target):
+        cell = observation.scenario.grid.cell_of(*answer.position)
+        return lengths.min(), observation.roads.lengths_to(np.array([cell]))[0]
+    return lengths.min(), lengths[answer]
+
+
+def waits(observation, belief):
+    """Whether the candidate that was the nearest is a frontier of this belief, and not the robot's own cell."""
+    grid, cell = belief.scenario.grid, int(observation.candidates[observation.path_lengths.argmin()])
+    taken = [*np.flatnonzero(belief.occupancy > 0.5 + 1e-9), *(grid.cell_of(x, y) for x, y in belief.landmarks)]
+    unknown = not np.all(known_around(belief, cell))
+    return unknown and cell not in taken and cell != grid.cell_of(*belief.pose[:2])
+
+
+def to_the_farthest_cell(observation):
+    cells, lengths = observation.reachable
+    return Target(observation.scenario.grid.centre_of(int(cells[lengths.argmax()])))
+
+
+@pytest.mark.parametrize("chooser", [nearest, farthest, at_random(3), to_the_farthest_cell])
+def test_rows_keep_the_drives_of_the_decision_under_way_and_whether_its_nearest_frontier_waits(chooser):
+    """Against the observations, and at the end of each decision against the belief then."""
+    events, ending = play(PAPER, chooser, 3)
+    first = steps_of(events)[0]
+    assert (first.nearest_drive, first.chosen_drive, first.nearest_waits) == (0.0, 0.0, 0)
+    answers = [event[1] for event in events if not isinstance(event, Step)]
+    decided, told = decisions_of(events), []
+    later = [observation.belief for observation, _ in decided[1:]] + [ending.belief]
+    for (observation, rows), answer, belief in zip(decided, answers, later, strict=True):
+        assert {(row.nearest_drive, row.chosen_drive) for row in rows} == {expected_drives(observation, answer)}
+        assert rows[-1].nearest_waits == waits(observation, belief)
+        told.append(rows[-1].nearest_waits)
+    if chooser is nearest:
+        assert sum(told) < len(told) / 2, "what is driven to is seen"
+    if chooser is farthest:
+        assert 0 < sum(told) < len(told)
+
+
 # Decisions
 
 
@@ -203,9 +245,9 @@ def test_a_frontier_at_which_a_decision_ended_is_not_offered_again_as_it_was(tri
     for (before, choice), (observation, _) in pairwise(choices):
         if math.dist(observation.pose[:2], before.positions[choice]) <= scenario.arrival_radius:
             target = int(before.candidates[choice])
-            reached[target] = known_around(observation, target)
+            reached[target] = known_around(observation.belief, target)
         as_they_were = [
-            reached.get(cell) == known_around(observation, cell) for cell in observation.candidates.tolist()
+            reached.get(cell) == known_around(observation.belief, cell) for cell in observation.candidates.tolist()
         ]
         assert not any(as_they_were) or all(as_they_were)
     assert len(reached) > 5

@@ -15,7 +15,7 @@ from explore_bench.report.tables import Scope, Table, groups_of, heading, interv
 METRICS = COMMON | OWN
 
 SHOWN_METRICS = (
-    *("t90_seconds", "t98_seconds", "path_length", "l90", "decisions", "in_vain"),
+    *("t90_seconds", "t98_seconds", "path_length", "l90", "decisions", "in_vain", "crossings", "round_trips"),
     *("uncertainty_reduction", "trajectory_error", "absolute_trajectory_error", "relative_pose_error", "pose_nees"),
     *("wall_f1_1", "true_closures", "false_closures", "missed_closures"),
     *("collisions", "clearance", "unsafe", "smoothness"),
@@ -29,8 +29,9 @@ NOTE = (
     "Mean over n worlds [95 % BCa bootstrap interval], training seeds averaged within a world first; a dash where a "
     "trial has no such value. T90, T98: simulated time until 90 and 98 % of what counts is known; L: way driven; L90: "
     "way until 90 %. A trial that did not get there counts the time limit, and the way at top speed until then. D: "
-    "decisions; in vain: share of them that did not resolve their frontier. ΔU, e: Eq. 1 and 3, in key poses. ATE: "
-    "error of the final trajectory; RPE: of its motions over 1 m of way; NEES: 3 where the covariances are honest. "
+    "decisions; in vain: share of them that did not resolve their frontier; crossings: those that took one twice as "
+    "far as one left behind; round trips: drives along where it was long before. ΔU, e: Eq. 1 and 3, in key poses. "
+    "ATE: error of the final trajectory; RPE: of its motions over 1 m of way; NEES: 3 where covariances are honest. "
     "Wall F1: walls of the final map within one cell of true ones, and the reverse. Closures: loops closed rightly, "
     "closed wrongly, and revisits at which none was closed. C: contacts. Clearance: least distance of the hull from an "
     "obstacle; unsafe: share of time under 0.1 m of it; acceleration: mean magnitude (all three after MRPB)."

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Grid, Pose, cell_of, centre_of
-from explore_bench.robot.lidar.frontiers import MOST_TRIES, Frontier, frontier_mask, frontiers
+from explore_bench.robot.lidar.frontiers import MOST_TRIES, Frontier, frontier_mask, frontier_of, frontiers
 from explore_bench.robot.lidar.grid_map import GridMap
 from explore_bench.robot.lidar.terrain import Terrain, Ways, length_of
 from explore_bench.robot.planning.roads import Roads
@@ -125,6 +125,11 @@ class Navigator:
     def resolved(self, frontier: Frontier) -> bool:
         """Whether enough of a frontier is one no more."""
         return bool(frontier_mask(self.terrain).reshape(-1)[frontier.cells].mean() <= 1.0 - GONE)
+
+    def waits(self, frontier: Frontier) -> bool:
+        """Whether a frontier is not resolved on the map as it is now, looked at or not."""
+        mask = frontier_of(self._map.known, self._map.obstacles)
+        return bool(mask.reshape(-1)[frontier.cells].mean() > 1.0 - GONE)
 
     def blocked(self, route: NDArray[np.int64]) -> bool:
         """Whether what is believed now closes a route."""

@@ -39,14 +39,15 @@ def frontier_cells(
         row, column = cell // columns, cell % columns
         if cell == start or not reached[cell] or not free_known[row, column]:
             continue
-        if _unknown_neighbours(known, row, column) >= least:
+        if unknown_neighbours(known, row, column) >= least:
             found[count] = cell
             count += 1
     return found[:count].copy()
 
 
 @jit
-def _unknown_neighbours(known: NDArray[np.bool_], row: int, column: int) -> int:
+def unknown_neighbours(known: NDArray[np.bool_], row: int, column: int) -> int:
+    """How many of the 8 neighbours of a cell are unknown."""
     count = 0
     for to_row in range(max(row - 1, 0), min(row + 2, known.shape[0])):
         for to_column in range(max(column - 1, 0), min(column + 2, known.shape[1])):

@@ -15,6 +15,7 @@ from explore_bench.robot.belief import Belief
 from explore_bench.robot.landmark.driver import Driver
 from explore_bench.robot.landmark.smoother import Smoother
 from explore_bench.robot.planning.candidates import Ground, Withheld, find_candidates
+from explore_bench.robot.planning.frontier import unknown_neighbours
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
@@ -29,6 +30,8 @@ from explore_bench.world.signals import Command, Odometry, Scan
 
 ROBOT = 0
 """Number of the robot; there is one."""
+
+_ONE_SEGMENT = np.zeros(1, dtype=np.int64)
 
 
 class LandmarkExplorer:
@@ -66,6 +69,8 @@ class LandmarkExplorer:
         self._withheld, self._patience = Withheld(), Patience(self.scenario)
         self._inside = None if self.scenario.inside.all() else self.scenario.inside
         self._choices: list[NDArray[np.int64]] = []
+        self._lengths = np.empty(0)
+        self._nearest, self._drives = -1, (0.0, 0.0)
         self._roads: Roads | None = None
         self.smoother = Smoother(self.scenario, world.start, lap)
         self._take_in(None, self._sensor.scan(self._robot.pose))
@@ -104,6 +109,7 @@ class LandmarkExplorer:
         self._patience.decide(self.own_cell)
         # copies: a strategy that forges its observation changes nothing that is driven
         self._choices = [path.copy() for path in found.paths]
+        self._lengths = found.lengths.copy()
         self._roads = replace(found.roads, free=found.roads.free.copy())
         positions = self.scenario.grid.centres(found.cells)
         for array in (found.cells, found.lengths, positions, *found.paths):
@@ -141,6 +147,10 @@ class LandmarkExplorer:
                 x, y = answer.position
                 raise ChoiceError(f"the target ({x:g}, {y:g}) lies where the robot is; choose one farther away")
         self.decisions += 1
+        nearest = int(self._lengths.argmin())
+        self._nearest = int(self._choices[nearest][-1])
+        chosen = self._roads.lengths_to(path[-1:])[0] if isinstance(answer, Target) else self._lengths[answer]
+        self._drives = float(self._lengths[nearest]), float(chosen)
         drive = self._dash(waypoints) if self._driver.open_loop else self._follow(path, waypoints)
         if (yield from drive) and self.scenario.withhold:
             self._withheld.add(int(path[-1]), self.known)
@@ -199,6 +209,8 @@ class LandmarkExplorer:
             self._turned,
             self._robot.collisions,
             self._mislabelled,
+            *self._drives,
+            int(self._nearest >= 0 and self._waits(self._nearest)),
             len(smoother.landmarks),
         )
         row = LandmarkStep(*values)
@@ -241,6 +253,13 @@ class LandmarkExplorer:
         return _any_blocked(
             cells, segment_of, segment, self.own_cell, self._occupied, self.smoother.landmarks, self.scenario.grid
         )
+
+    def _waits(self, cell: int) -> bool:
+        """Whether a cell, other than the robot's own, is a frontier still."""
+        if cell == self.own_cell or self._is_blocked(np.array([cell]), _ONE_SEGMENT, 0):
+            return False
+        row, column = divmod(cell, self.scenario.grid.columns)
+        return unknown_neighbours(self.known, row, column) >= self.scenario.frontier_neighbours
 
 
 def _require_fit(scenario: LandmarkScenario, world: LandmarkWorld) -> None:

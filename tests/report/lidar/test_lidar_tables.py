@@ -8,7 +8,7 @@ from lidar_worlds import drawn
 from matplotlib.colors import same_color
 
 from explore_bench.analysis.statistics import mean_interval
-from explore_bench.analysis.tables import summary_table, trial_table
+from explore_bench.analysis.tables import TRIAL_COLUMNS, summary_table, trial_table
 from explore_bench.report.aggregates import aggregate_tables
 from explore_bench.report.agreement import agreement_tables
 from explore_bench.report.drawing import entry_of
@@ -161,7 +161,9 @@ def test_what_the_paper_prints_stands_nowhere_beside_trials_in_lidar_worlds():
 
 
 def test_a_row_of_trials_csv_has_the_metrics_of_the_kind_after_the_common_columns(trials):
-    assert list(trials.columns)[24:27] == ["reason", "simulated_seconds", "t90_seconds"]
+    own = len(TRIAL_COLUMNS)
+    assert list(trials.columns)[own - 1 : own + 2] == ["reason", "simulated_seconds", "t90_seconds"]
+    assert {"crossings", "round_trips"} <= set(TRIAL_COLUMNS)
     assert trials["wall_f1_1"].notna().all()
 
 

@@ -11,6 +11,7 @@ from lidar_worlds import SMALL, begin, cluttered, drawn, nearest, play
 
 from explore_bench.geometry import between
 from explore_bench.robot.lidar import navigator
+from explore_bench.robot.lidar.terrain import length_of
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.explorer import ChoiceError, explorer_of
 from explore_bench.trial.lidar.explorer import LidarExplorer
@@ -119,6 +120,48 @@ def test_explored_is_the_known_share_of_what_counts_and_mislabelled_are_cells_th
     wrong = fine.known & ((fine.occupied & (obstacles == 0)) | (~fine.occupied & (obstacles == 4)))
     assert rows[-1].mislabelled == wrong.sum()
     assert wrong.sum() < 0.05 * fine.known.sum()
+
+
+def test_rows_keep_the_drives_of_the_decision_under_way_and_whether_its_nearest_frontier_waits(monkeypatch):
+    """At the end of each decision, as the map is then, looked at anew."""
+    kept = []
+    offer = navigator.Navigator.offer
+
+    def noting(self, *arguments):
+        found = offer(self, *arguments)
+        kept.append((self, found))
+        return found
+
+    monkeypatch.setattr(navigator.Navigator, "offer", noting)
+    waited = []
+    for chooser in (nearest, farthest, to_the_200th_cell):
+        kept.clear()
+        explorer = explorer_in(cluttered(), TEN)
+        row = explorer.row()
+        assert (row.nearest_drive, row.chosen_drive, row.nearest_waits) == (0.0, 0.0, 0)
+        while explorer.status() is None:
+            observation = explorer.observe()
+            answer = chooser(observation)
+            planner, found = kept[-1]
+            nearest_one = found.frontiers[int(found.lengths.argmin())]
+            if isinstance(answer, Target):
+                cell = observation.roads.grid.cell_of(*answer.position)
+                route = planner.ways(explorer.pose).to(cell)
+                chosen = length_of(route, observation.roads.grid.columns, observation.roads.grid.resolution)
+            else:
+                chosen = observation.path_lengths[answer]
+            rows = list(explorer.drive(answer))
+            drives = {(row.nearest_drive, row.chosen_drive) for row in rows}
+            assert drives == {(observation.path_lengths.min(), chosen)}
+            planner.look()
+            assert rows[-1].nearest_waits == int(not planner.resolved(nearest_one))
+            waited.append(rows[-1].nearest_waits)
+    assert 0 < sum(waited) < len(waited)
+
+
+def to_the_200th_cell(observation):
+    cells, lengths = observation.reachable
+    return Target(observation.roads.grid.centre_of(int(cells[lengths.argsort()[min(200, len(cells) - 1)]])))
 
 
 def test_equal_seeds_give_equal_rows_and_others_do_not(trials):
