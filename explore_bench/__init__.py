@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from explore_bench.robot.planning.frontier import frontier_cells as frontier_cells
     from explore_bench.robot.planning.roads import Reachable as Reachable, Roads as Roads
     from explore_bench.robot.planning.shortest_paths import search_grid as search_grid, trace_path as trace_path
+    from explore_bench.runs.choices import agreement_of_choices as agreement_of_choices
     from explore_bench.runs.conformance import check as check
     from explore_bench.runs.runner import run as run
     from explore_bench.strategies.contract import (
@@ -139,6 +140,7 @@ PUBLIC: dict[str, str] = {
     "rollout": "trial.loop",
     "run_trial": "trial.run",
     "run": "runs.runner",
+    "agreement_of_choices": "runs.choices",
     # learning
     "Course": "trial.decision_process",
     "DecisionProcess": "trial.decision_process",

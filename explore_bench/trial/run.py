@@ -82,7 +82,7 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     told = Signals()
     try:
         with redirect_stdout(sys.stderr), time_limit(timeout) as told:
-            strategy = _begin(spec, world)
+            strategy = strategy_of(spec, world)
             events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"), lap)
             ending = _play(events, strategy, steps, snapshots, seconds)
             status, reason = ending.status, ending.reason
@@ -129,8 +129,13 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     )
 
 
-def _begin(spec: TrialSpec, world: World) -> Any:
-    """Make the strategy of a trial and reset it."""
+def strategy_of(spec: TrialSpec, world: World) -> Any:
+    """Make the strategy of a trial and reset it; only a reference is told the world.
+
+    Raises
+    ------
+    RequestError : where it cannot be made; whatever its own `reset` raises.
+    """
     if spec.broken:
         raise StrategyError(spec.broken)
     with one_process():
