@@ -38,7 +38,7 @@ def _weights() -> dict[str, dict[int, str]]:
 
 _PAPER, _SHIPPED = _published(), _weights()
 _TABLE2, _TABLE3, _LAYERS, _CELLS = ("table2",), ("table3",), ("layers",), ("cells",)
-_PLANS, _FIGURE16 = ("plans",), ("figure16",)
+_PLANS, _FIGURE16, _FIELD = ("plans",), ("figure16",), ("field", "field-stage")
 _STNN, _GCN, _TRAINER = (
     "baselines.learned.graph_stnn:strategy",
     "baselines.learned.gcn:strategy",
@@ -55,17 +55,23 @@ def _add(name: str, factory: str, label: str, tables: tuple[str, ...], **options
     STRATEGIES[name] = Entry(factory, label, COLORS[name], tables=tables, published=_PAPER[name], **options)
 
 
+def _field(name: str, factory: str, label: str, *, kinds: tuple[str, ...] = (), **parameters: Any) -> None:
+    """Add a rule of others that is in no table of the paper; its constants are the factory's but for these."""
+    suites = _FIELD if not kinds else ("field-stage",)
+    _add(name, f"baselines.field.{factory}", label, (), suites=suites, kinds=kinds, parameters=parameters)
+
+
 def _learned(name: str, factory: str, label: str, tables: tuple[str, ...], **options: Any) -> None:
     _add(name, factory, label, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
 
 
-_learned("graph-stnn", _STNN, "Graph-STNN", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16))
+_learned("graph-stnn", _STNN, "Graph-STNN", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16, *_FIELD))
 _learned(
     "belief-attention",
     "baselines.learned.belief_attention:strategy",
     "Belief attention (ours)",
     _TABLE2,
-    suites=_PLANS,
+    suites=(*_PLANS, *_FIELD),
     formerly=("graph-stnn-plus",),
 )
 _learned("graph-stnn-path", _STNN, "Graph-STNN, path length", _TABLE2, parameters={"distance": "path"})
@@ -95,7 +101,7 @@ for _name, _off in (
     _learned(
         f"{_name}-cell", _STNN, f"{_label}, entropy of the cell", _CELLS, parameters={**_switches, "entropy": "cell"}
     )
-_add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=_PLANS)
+_add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=(*_PLANS, *_FIELD))
 _add(
     "entropy-path",
     "baselines.entropy:Entropy",
@@ -103,16 +109,22 @@ _add(
     _TABLE2,
     parameters={"weight": ENTROPY_WEIGHT},
 )
-_add("entropy-per-metre", "baselines.entropy_per_metre:EntropyPerMetre", "Entropy per metre (ours)", _TABLE2)
-_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", _TABLE2)
-_add("random", "baselines.random_walk:Random", "Random", _TABLE2, suites=_PLANS)
+_add(
+    "entropy-per-metre",
+    "baselines.entropy_per_metre:EntropyPerMetre",
+    "Entropy per metre (ours)",
+    _TABLE2,
+    suites=_FIELD,
+)
+_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", _TABLE2, suites=_FIELD)
+_add("random", "baselines.random_walk:Random", "Random", _TABLE2, suites=(*_PLANS, *_FIELD))
 _add(
     "nearest",
     "baselines.nearest:Nearest",
     "Nearest",
     _TABLE2,
     baseline=True,
-    suites=(*_PLANS, *_FIGURE16),
+    suites=(*_PLANS, *_FIGURE16, *_FIELD),
 )
 _add(
     "clairvoyant",
@@ -133,3 +145,57 @@ _add(
     plans=("trajectory_error", "exploration_efficiency"),
     kinds=("landmark",),
 )
+
+# The field: rules of others, and controls with one term off (docs/field.md)
+_LIDAR = ("lidar",)
+_field("distance-advantage", "scores:DistanceAdvantage", "Distance advantage")
+_field("remoteness", "scores:DistanceAdvantage", "Distance advantage, no distance", distance=0.0)
+_field("cost-utility", "scores:CostUtility", "Cost–utility")
+_field("cost-utility-code", "scores:CostUtility", "Cost–utility, as its code", resolution=0.05)
+_field("cost-utility-no-size", "scores:CostUtility", "Cost–utility, no size", size=0.0)
+_field("information-gain", "scores:InformationGain", "Information gain")
+_field("visible-per-metre", "scores:VisiblePerMetre", "Visible unknown per metre")
+_field("heading-aware", "scores:HeadingAware", "Heading-aware gain")
+_field("heading-aware-no-heading", "scores:HeadingAware", "Heading-aware gain, no heading", turning=0.0)
+_field("heading-aware-no-distance", "scores:HeadingAware", "Heading-aware gain, no distance", decay=0.0)
+_field("visible-unknown", "scores:HeadingAware", "Visible unknown", decay=0.0, turning=0.0)
+_field("burgard", "scores:Burgard", "Burgard")
+_field("makarenko", "scores:Makarenko", "Makarenko")
+_field("makarenko-no-information", "scores:Makarenko", "Makarenko, no information", information=0.0)
+_field("makarenko-no-navigation", "scores:Makarenko", "Makarenko, no navigation", navigation=0.0)
+_field("makarenko-no-localizability", "scores:Makarenko", "Makarenko, no localizability", localizability=0.0)
+_field("entropy-reduction", "scores:EntropyReduction", "Expected entropy reduction")
+_field("rrt-revenue", "scores:RrtRevenue", "RRT revenue", kinds=_LIDAR)
+_field("rrt-revenue-no-hysteresis", "scores:RrtRevenue", "RRT revenue, no hysteresis", kinds=_LIDAR, hysteresis=1.0)
+_field("next-best-view", "sampled:NextBestView", "Next best view")
+_field("next-best-view-no-distance", "sampled:NextBestView", "Next best view, no distance", decay=0.0)
+_field("bayesian-optimization", "sampled:BayesianOptimization", "Bayesian optimization")
+_field(
+    "bayesian-optimization-per-metre",
+    "sampled:BayesianOptimization",
+    "Bayesian optimization, per metre",
+    per_metre=True,
+)
+_field("frontier-tour", "tour:FrontierTour", "Frontier tour")
+_field("exploration-transform", "transform:ExplorationTransform", "Exploration transform", kinds=_LIDAR)
+_field(
+    "exploration-transform-mapex",
+    "transform:ExplorationTransform",
+    "Exploration transform, MapEx",
+    kinds=_LIDAR,
+    danger=50.0,
+    margin=1.5,
+    power=1.0,
+)
+_field(
+    "exploration-transform-no-danger",
+    "transform:ExplorationTransform",
+    "Exploration transform, no danger",
+    kinds=_LIDAR,
+    danger=0.0,
+)
+_field("graph-d-optimality", "graph_optimality:GraphOptimality", "Graph D-optimality")
+_field("potential-field", "potential:PotentialField", "Potential field (MMPF)")
+_field("potential-field-no-revisits", "potential:PotentialField", "Potential field, no revisits", revisit=0.0)
+_field("joint-entropy", "joint_entropy:JointEntropy", "Joint entropy, loops closed")
+_field("joint-entropy-no-closing", "joint_entropy:JointEntropy", "Joint entropy", closing=False)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         room_within as room_within,
         wrap_angle as wrap_angle,
     )
+    from explore_bench.geometry.rays import cast as cast, leaps as leaps
     from explore_bench.records.provenance import (
         installed_version as installed_version,
         scenario_digest as scenario_digest,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from explore_bench.robot.belief import Belief as Belief, FineMap as FineMap, Prediction as Prediction
     from explore_bench.robot.landmark.driver import Driver as Driver, next_command as next_command
     from explore_bench.robot.landmark.graph import expecting as expecting
+    from explore_bench.robot.lidar.terrain import spread as spread
     from explore_bench.robot.occupancy import (
         OCCUPIED_ABOVE as OCCUPIED_ABOVE,
         renyi_entropy as renyi_entropy,
@@ -113,9 +115,12 @@ PUBLIC: dict[str, str] = {
     "centre_of": "geometry",
     "compose": "geometry",
     "wrap_angle": "geometry",
+    "cast": "geometry.rays",
+    "leaps": "geometry.rays",
     "frontier_cells": "robot.planning.frontier",
     "search_grid": "robot.planning.shortest_paths",
     "trace_path": "robot.planning.shortest_paths",
+    "spread": "robot.lidar.terrain",
     "Driver": "robot.landmark.driver",
     "next_command": "robot.landmark.driver",
     "expecting": "robot.landmark.graph",

@@ -127,6 +127,18 @@ SUITES: dict[str, Suite] = {
         scenario="stage",
         seeds=1,
     ),
+    "field": Suite(
+        "rules of others beside nearest, entropy and ours, at 20, 30 and 40 m; give it a folder of its own",
+        (("field", (20.0, 30.0, 40.0)),),
+        seeds=1,
+    ),
+    "field-stage": Suite(
+        "the same in the lidar worlds of the suite stage, at its ranges; give it a folder of its own",
+        (("field-stage", (20.0,)),),
+        scenario="stage",
+        variations=RANGES,
+        seeds=1,
+    ),
 }
 
 

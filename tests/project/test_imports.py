@@ -249,7 +249,7 @@ def test_the_page_on_plugins_shows_all_public_names():
 
 
 MAY_IMPORT = {"": {"catalogue"}, "catalogue": {"colors"}, "learned": {"learned"}, "training": {"learned", "training"}}
-MAY_IMPORT["reference"] = {"reference"}
+MAY_IMPORT |= {part: {part} for part in ("reference", "field")}
 """Part of baselines → those parts that it may import; nobody else may import any baseline."""
 
 
@@ -257,7 +257,7 @@ MAY_IMPORT["reference"] = {"reference"}
 def test_no_baseline_imports_another_s(name):
     """Each in one file; only the table of all of them names them, and it does so in strings.
 
-    Learned ones share what is in their package, and only their training imports the training.
+    Learned ones share what is in their package, and only their training imports the training; so do those of the field.
     """
     found = [base if item is None else f"{base}.{item}" for base, item in imports(name, OURS[name], types_too=True)]
     packages = {whole.split(".")[1] for whole in found if whole.startswith("baselines.")}

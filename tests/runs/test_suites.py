@@ -35,6 +35,9 @@ LEARNED = {
     "cells": {f"{name}-cell" for name in ("graph-stnn", *ABLATIONS)},
 }
 
+FIELD = {name for name, entry in strategies().items() if entry.factory.startswith("baselines.field")}
+BESIDE_FIELD = {"nearest", "random", "entropy", "entropy-per-metre", "uncertainty", "belief-attention", "graph-stnn"}
+
 
 @pytest.fixture
 def all_trained(monkeypatch):
@@ -66,7 +69,7 @@ def every_field(spec):
 
 def test_the_suites_of_the_benchmark():
     landmarks = ["smoke", "table2", "table3", "layers", "cells", "paper", "robustness", "maps"]
-    assert list(SUITES) == [*landmarks, "stage", "plans", "figure16"]
+    assert list(SUITES) == [*landmarks, "stage", "plans", "figure16", "field", "field-stage"]
     assert all(suite.description for suite in SUITES.values())
 
 
@@ -74,7 +77,7 @@ def test_robustness_runs_every_strategy_at_20_m_under_every_variation_of_one_con
     asked = plan("robustness")
     assert asked.scenario is None
     assert plan("paper").scenario == PAPER
-    assert {spec.strategy for spec in asked.specs} == set(strategies()) - LEARNED["cells"]
+    assert {spec.strategy for spec in asked.specs} == set(strategies()) - LEARNED["cells"] - FIELD
     names = list(SUITES["robustness"].variations)
     assert names[0] == "paper"
     for strategy in ("nearest", "gcn-obs"):
@@ -113,6 +116,30 @@ def test_maps_runs_the_compared_methods_on_20_worlds_of_every_map_of_the_gallery
     for spec in own:
         assert spec.scenario == PAPER.replace(map=gallery()[spec.scenario_name], occlusion=True)
         assert spec.scenario.size == 40.0
+
+
+def test_the_field_runs_at_three_sizes_beside_what_others_know_with_one_training_seed(all_trained):
+    asked = plan("field")
+    here = {name for name in FIELD if not strategies()[name].kinds}
+    assert len(here) > 20
+    assert cells(asked.specs) == {
+        (name, size, trial) for name in here | BESIDE_FIELD for size in (20.0, 30.0, 40.0) for trial in range(50)
+    }
+    assert len(asked.specs) == len(cells(asked.specs))
+    assert {spec.training_seed for spec in asked.specs} == {None, 0}
+
+
+def test_the_field_runs_in_the_worlds_of_the_stage_too_with_what_needs_fine_maps(all_trained):
+    asked = plan("field-stage", trials=2)
+    assert {spec.strategy for spec in asked.specs} == FIELD | BESIDE_FIELD
+    stage = {(spec.scenario_name, spec.scenario) for spec in plan("stage", ["nearest"], trials=1).specs}
+    assert {(spec.scenario_name, spec.scenario) for spec in asked.specs} == stage
+    assert asked.elsewhere == ()
+
+
+@pytest.mark.parametrize("suite", [name for name in SUITES if not name.startswith("field")])
+def test_no_other_suite_takes_the_field(all_trained, suite):
+    assert not {spec.strategy for spec in plan(suite, trials=1).specs} & FIELD
 
 
 def test_constants_of_a_scenario_hold_in_the_maps_of_a_suite_too():

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -72,9 +73,32 @@ def test_no_two_strategies_share_a_label_or_a_colour():
     assert len({entry.color for entry in entries}) == len(entries)
 
 
+def test_the_colours_of_the_field_can_be_told_apart():
+    """By CIE's distance in Lab, from one another and from all others; 2.3 is just noticed."""
+    colors = [entry.color for entry in strategies().values()] + list(PLUGIN_COLORS)
+    field = {entry.color for entry in strategies().values() if "field" in entry.factory}
+    for one, other in itertools.combinations(colors, 2):
+        if one in field or other in field:
+            assert math.dist(lab(one), lab(other)) > 18, (one, other)
+
+
+def lab(color):
+    """CIELAB of an sRGB colour (D65)."""
+    linear = [
+        value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
+        for value in (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    ]
+    to_xyz = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
+    white = (0.9505, 1.0, 1.089)
+    x, y, z = (sum(map(math.prod, zip(row, linear, strict=True))) / own for row, own in zip(to_xyz, white, strict=True))
+    x, y, z = (value ** (1 / 3) if value > 0.008856 else 7.787 * value + 16 / 116 for value in (x, y, z))
+    return 116 * y - 16, 500 * (x - y), 200 * (y - z)
+
+
 def test_every_registered_strategy_that_is_ready_can_be_made():
     """With the weights of its first training seed, and at one size."""
-    first = {spec.strategy: spec for spec in reversed(plan("paper", trials=1).specs)}
+    suites = [plan(suite, trials=1).specs for suite in ("paper", "field", "field-stage")]
+    first = {spec.strategy: spec for specs in suites for spec in reversed(specs)}
     assert first.keys() == {name for name, entry in strategies().items() if entry.ready}
     check_runnable(list(first.values()))
 
