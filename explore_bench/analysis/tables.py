@@ -24,6 +24,9 @@ from explore_bench.world.kinds import kind_of
 PAPER_SCENARIO = "paper"
 """Name of the scenario that the paper's printed numbers and its claims are about."""
 
+NO_TABLE = "none"
+"""What `summary.csv` calls the table of a strategy that is in none."""
+
 FIRST_METRICS = ("path_length", "explored", "uncertainty_reduction", "exploration_efficiency", "trajectory_error")
 FURTHER_METRICS = tuple(name for name in METRICS if name not in (*FIRST_METRICS, "decisions"))
 
@@ -193,7 +196,7 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
         own = trials[trials["strategy"] == name]
         entry = entry_named(name)
         published = entry.published if printed else {}
-        for table in entry.tables:
+        for table in entry.tables or (NO_TABLE,):
             sizes = {float(size) for size in own["size"]} | {s for t, s, _ in published if t == table}
             for size in sorted(sizes):
                 cell = own[own["size"] == size]

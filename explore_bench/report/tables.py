@@ -122,11 +122,13 @@ def escape(text: str) -> str:
 def report_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:
     """Tables by the names of their files: e and η, the details of every strategy and the paired differences.
 
-    e and η stand in the paper's tables, beside what it prints, where the trials are of its scenario.
+    e and η stand in the paper's tables, beside what it prints, where the trials are of its scenario; of every strategy
+    together where the scenario is another, or a strategy is in no table.
     """
     made = {"means": means_table(trials, summary)}
     if of_paper(trials):
-        made = {name: paper_table(name, title, summary) for name, title in PAPER_TABLES.items()}
+        means = made if any(not entry_of(name).tables for name in set(trials["strategy"])) else {}
+        made = {name: paper_table(name, title, summary) for name, title in PAPER_TABLES.items()} | means
     return made | {"details": details_table(trials, summary), "paired": paired_table(trials)}
 
 
@@ -177,7 +179,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
 
 
 def means_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
-    """E and η of every strategy and size, in a scenario for which the paper prints nothing."""
+    """E and η of every strategy and size, without what the paper prints."""
     header = ("Method", "size [m]", "n", "trials not explored", *(heading(METRICS[name]) for name in PAPER_METRICS))
     rows, scopes = [], []
     unique = summary.drop_duplicates(["strategy", "size", "metric"])

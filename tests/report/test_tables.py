@@ -289,6 +289,20 @@ def test_tables_of_another_scenario_show_our_means_without_the_paper(trials):
     assert "means" not in report_tables(trials, summary_table(trials))
 
 
+def test_a_strategy_in_no_table_stands_among_the_means_of_all_beside_the_paper_s_tables(trials):
+    own = trials[trials["strategy"] == "random"].assign(strategy="frontier-tour")
+    both = pd.concat((trials, own), ignore_index=True)
+    summary = summary_table(both)
+    assert set(summary.loc[summary["strategy"] == "frontier-tour", "table"]) == {"none"}
+    found = report_tables(both, summary)
+    assert list(found) == ["table2", "table3", "means", "details", "paired"]
+    rows = {row[0]: row[1:] for row in found["means"].rows}
+    assert rows["Frontier tour"] == rows["Random"]
+    assert "Frontier tour" not in {row[0] for row in found["table2"].rows}
+    details = {row[0]: row[1:] for row in found["details"].rows}
+    assert details["Frontier tour"] == details["Random"]
+
+
 def test_strategies_without_a_common_world_have_a_dash_for_their_difference():
     rows = trial_table([ended(100, trial=0), ended(90, strategy="random", trial=1)])
     assert paired_table(rows).rows[0][3:] == ("0", "–", "–", "–")

@@ -499,7 +499,7 @@ def test_a_learned_strategy_is_ready_once_it_has_weights(untrained):
 def test_every_entry_has_a_factory_and_learned_ones_say_what_trains_them():
     known = strategies()
     assert all(entry.factory for entry in known.values())
-    assert {name for name, entry in known.items() if entry.trainer is None} == {
+    assert {name for name, entry in known.items() if entry.trainer is None and entry.tables} == {
         *("entropy", "entropy-path", "entropy-per-metre", "uncertainty", "random", "nearest"),
         *("clairvoyant", "clairvoyant-accurate"),
     }
@@ -519,11 +519,13 @@ def test_shipped_weights_are_named_by_strategy_and_training_seed_and_have_a_card
 
 
 def test_strategies_are_of_the_tables_in_which_they_are_compared():
-    """The paper's own is in all of them; what needs no training is of Table 2 only."""
+    """The paper's own is in all of them; what needs no training is of Table 2 only, and the field of none."""
     known = strategies()
     assert known["graph-stnn"].tables == ("table2", "table3", "layers")
     assert {known[name].tables for name in ("graph-stnn-1-layer", "graph-stnn-3-layers")} == {("layers",)}
-    assert {entry.tables for entry in known.values() if entry.trainer is None} == {("table2",)}
+    field = {name for name, entry in known.items() if entry.factory.startswith("baselines.field.")}
+    assert {name for name, entry in known.items() if not entry.tables} == field
+    assert {entry.tables for name, entry in known.items() if not entry.trainer and name not in field} == {("table2",)}
     assert sum("table3" in entry.tables for entry in known.values()) == 7
 
 
