@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from explore_bench.cli.options import DONE, NO, physics_of, results_option, root_option, world_options
-from explore_bench.errors import RequestError
+from explore_bench.errors import RequestError, one_line
 
 MAX_WORLDS = 100_000
 
@@ -55,4 +55,6 @@ def demo(
     record = draw_trial(spec, path)
     steps = record.steps["step"][-1]
     click.echo(f"{spec.strategy}, {size:g} m, world {trial}: {record.status} after {steps} steps; {path}")
+    if record.reason:
+        click.echo(f"{record.status}: {one_line(record.reason)}", err=True)
     return NO if record.status in ("failed", "broken") else DONE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from explore_bench.report.drawing import entry_of, save, styled
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.moment import scene_of
 from explore_bench.report.scene import draw_scene, scene_legend
-from explore_bench.trial.run import run_trial
+from explore_bench.runs.witness import run_witnessed
 from explore_bench.trial.spec import TrialSpec
 
 FRAMES_PER_SECOND = 2
@@ -27,6 +28,8 @@ SUFFIXES = (".gif", ".png", ".svg", ".html")
 
 def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
     """Run a trial and draw it: .png or .svg (its last decision), .gif (every decision and the end), .html (a player).
+
+    The reason of the record that is returned names the place in the strategy's source where it raised.
 
     Raises
     ------
@@ -37,8 +40,9 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
         store.open(spec.root, spec.purpose, scenario=None)
-        store.write(run_trial(spec))
-        record, replay = store.find(spec), store.replay(spec)
+        result, reason = run_witnessed(spec)
+        store.write(result)
+        record, replay = dataclasses.replace(store.find(spec), reason=reason), store.replay(spec)
         if not replay.steps:
             raise RequestError(f"strategy '{spec.strategy}' failed before any decision: {record.reason}.")
         with writing(path):

@@ -200,9 +200,7 @@ def plan(
     if not sizes and scenario is not None and "size" in scenario.model_fields_set:
         sizes = (scenario.size,)
     sizes = tuple(dict.fromkeys(sizes))
-    picked = [lookup(name) for name in dict.fromkeys(names)] or list(strategies().items())
-    if len({name for name, _ in picked}) < len(picked):
-        raise RequestError(f"two of {', '.join(names)} have the same name; rename one factory or leave one out.")
+    picked = _picked(names) or list(strategies().items())
     variations = chosen.variations or {scenario_name or chosen.scenario or "paper": {}}
     alone: list[tuple[int | None, str | None]] = [(None, None)]  # without training seeds
     specs: list[TrialSpec] = []
@@ -244,6 +242,29 @@ def plan(
                 for trial in range(count)
             ]
     return Plan(tuple(specs), None if chosen.variations else base, tuple(untrained), tuple(elsewhere))
+
+
+def _picked(names: Sequence[str]) -> list[tuple[str, Entry]]:
+    """Strategies that are named, no two of one name."""
+    found: dict[str, tuple[str, Entry]] = {}
+    for asked in dict.fromkeys(names):
+        name, entry = lookup(asked)
+        if name in found:
+            other, known = found[name]
+            both = f"strategies '{other}' and '{asked}' have the same name, '{name}'"
+            if entry == known:
+                raise RequestError(f"{both}, and are both {_origin(entry)}; leave one out.")
+            raise RequestError(
+                f"{both}: one is {_origin(known)}, the other {_origin(entry)}; rename one factory or leave one out."
+            )
+        found[name] = asked, entry
+    return [(name, entry) for name, (_, entry) in found.items()]
+
+
+def _origin(entry: Entry) -> str:
+    """Where a strategy is from, in words: its factory, and the files of its weights."""
+    weights = f" with the weights {', '.join(entry.weights.values())}" if entry.weights else ""
+    return f"{entry.factory}{weights}"
 
 
 def _base(name: str, suite: Suite, scenario: Scenario | None) -> Scenario:

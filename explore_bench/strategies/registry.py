@@ -17,6 +17,7 @@ from explore_bench.errors import RequestError, describe, unknown
 from explore_bench.files import parse_json, read_text
 from explore_bench.strategies.entry import GROUP, Entry, parse_factory, weights_file
 from explore_bench.strategies.notation import split_parameters, written_parameters
+from explore_bench.strategies.tracing import place_of, with_place
 
 PLUGIN_COLORS = (
     *("#0000ff", "#ff1eff", "#00d200", "#4b5a00", "#690fb4", "#ff0078", "#d2b478", "#0f8700"),
@@ -51,7 +52,7 @@ def _entries(point: EntryPoint) -> dict[str, Entry]:
         with redirect_stdout(sys.stderr):
             mapping = dict(point.load())
     except (Exception, SystemExit) as error:
-        return {point.name: _broken(point, point.name, describe(error))}
+        return {point.name: _broken(point, point.name, error)}
     found = {}
     for name, entry in mapping.items():
         try:
@@ -62,15 +63,17 @@ def _entries(point: EntryPoint) -> dict[str, Entry]:
             found[name] = entry if isinstance(entry, Entry) else plugin_entry(entry, name)
         except Exception as error:
             shown = str(name)
-            found[shown] = _broken(point, shown, describe(error))
+            found[shown] = _broken(point, shown, error)
     return found
 
 
-def _broken(point: EntryPoint, name: str, reason: str) -> Entry:
+def _broken(point: EntryPoint, name: str, error: BaseException) -> Entry:
     """Entry whose trials fail: what the entry point names cannot be used. Its source is theirs."""
+    named = re.match(r"[\w.]+:[^\W\d]\w*", point.value)
+    factory = named[0] if named else "broken:broken"
+    reason = with_place(describe(error), place_of(error, factory))
     sentence = f"entry point '{point.name}' of {GROUP} ({point.value}) cannot be used: {reason}; mend or uninstall it."
-    factory = re.match(r"[\w.]+:[^\W\d]\w*", point.value)
-    return dataclasses.replace(plugin_entry(factory[0] if factory else "broken:broken", name), broken=sentence)
+    return dataclasses.replace(plugin_entry(factory, name), broken=sentence)
 
 
 def parameter_count(entry: Entry) -> int:

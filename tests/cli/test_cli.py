@@ -212,7 +212,10 @@ def test_a_strategy_s_file_that_is_asked_for_wrongly(refused, smoke, tmp_path, a
 def test_two_strategies_of_one_name(refused, smoke, tmp_path):
     (tmp_path / "other").mkdir()
     first, second = write_plugin(tmp_path), write_plugin(tmp_path / "other")
-    assert "same name" in refused(*smoke, "-s", first, "-s", second)
+    line = refused(*smoke, "-s", first, "-s", second)
+    assert (
+        f"strategies '{first}' and '{second}' have the same name, 'Plugin': one is {first}, the other {second}" in line
+    )
 
 
 BROKEN = {
@@ -616,7 +619,8 @@ def test_a_failed_trial_is_a_row_with_its_reason_and_the_answer_is_no(call, smok
     code, out, err = call(*smoke, "-s", plugin, "-s", "nearest", "--trials", 1)
     assert code == 1
     assert "1 of those asked for failed" in out
-    assert "failed: Plugin, 12 m, world 0: LookupError: no map in the glove box" in err
+    assert "failed: Plugin, 12 m, world 0: LookupError: no map in the glove box (at decision 1), in " in err
+    assert "plugin.py:14: raise LookupError('no map in the glove box')\n" in err
     table = pd.read_csv(tmp_path / "results" / "trials.csv").set_index("strategy")
     assert table["status"].to_dict() == {"Plugin": "failed", "nearest": "explored"}
     assert "no map in the glove box" in table["reason"]["Plugin"]
@@ -983,6 +987,32 @@ def test_a_demo_of_a_trial_that_fails_is_drawn_and_the_answer_is_no(call, tmp_pa
     assert code == 1
     assert "failed" in out
     assert (tmp_path / "a.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("lines", "code", "words"),
+    [
+        ("raise LookupError('no map')", 1, "failed: LookupError: no map (at decision 1), in {}:14: raise LookupError"),
+        ("return 99", 1, "failed: "),
+    ],
+)
+def test_a_demo_says_why_and_where_it_failed(call, tmp_path, tiny, lines, code, words):
+    plugin = write_plugin(tmp_path, lines)
+    found, _, err = call("demo", plugin, "--scenario", tiny, "--size", 12, "--output", tmp_path / "a.png")
+    assert (found, err.count("\n")) == (code, 1)
+    assert words.format(tmp_path / "plugin.py") in err
+
+
+@pytest.mark.parametrize("source", ["import no_such_module_anywhere\n", "class Plugin(:\n"], ids=["import", "syntax"])
+def test_a_file_that_cannot_be_imported_is_told_with_the_line(call, refused, smoke, tmp_path, tiny, source):
+    file = tmp_path / "plugin.py"
+    file.write_text(source)
+    place = f", in {file}:1: {source.strip()}"
+    code, _, err = call(*smoke, "-s", f"{file}:Plugin", "--trials", 1)
+    assert (code, err.count(place)) == (3, 1)
+    assert place in refused("demo", f"{file}:Plugin", "--scenario", tiny, "--output", tmp_path / "a.png")
+    code, out, _ = call("check", f"{file}:Plugin")
+    assert (code, out.count(place)) == (1, 1)
 
 
 # Lists and help

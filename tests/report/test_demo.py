@@ -55,7 +55,9 @@ draw_trial(plan("smoke", ["nearest"], trials=1, scenario=scenario).specs[0], Pat
 
 @pytest.mark.parametrize("name", ["a.pdf", "a.jpg", "a", "a.PNG.txt"])
 def test_another_kind_of_file_is_refused_before_anything_runs(tmp_path, monkeypatch, name):
-    monkeypatch.setattr("explore_bench.report.demo.run_trial", lambda spec: pytest.fail("a trial was run for nothing"))
+    monkeypatch.setattr(
+        "explore_bench.report.demo.run_witnessed", lambda spec: pytest.fail("a trial was run for nothing")
+    )
     with pytest.raises(RequestError) as caught:
         draw_trial(SPEC, tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)

@@ -376,10 +376,27 @@ def test_a_strategy_asked_for_twice_runs_once():
 def test_two_strategies_of_one_name_are_refused(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    names = [write_plugin(tmp_path / folder) for folder in "ab"]
-    sentence = message("smoke", names)
-    assert all(name in sentence for name in names)
-    assert "same name" in sentence
+    a, b = (write_plugin(tmp_path / folder) for folder in "ab")
+    assert message("smoke", [a, b]) == (
+        f"strategies '{a}' and '{b}' have the same name, 'Plugin': one is {a}, the other {b}; "
+        "rename one factory or leave one out."
+    )
+
+
+def test_two_of_one_name_that_differ_in_their_weights_are_told_by_them(tmp_path):
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "w.safetensors").write_bytes(b"")
+    plugin, *files = write_plugin(tmp_path), *(tmp_path / folder / "w.safetensors" for folder in "ab")
+    sentence = message("smoke", [f"{plugin}[weights={file}]" for file in files])
+    assert f"one is {plugin} with the weights {files[0]}, the other {plugin} with the weights {files[1]};" in sentence
+
+
+def test_one_strategy_named_in_two_ways_is_called_the_same(tmp_path):
+    plugin = write_plugin(tmp_path)
+    sentence = message("smoke", ["nearest", plugin, plugin.replace("/plugin", "/./plugin")])
+    assert sentence.endswith(f"have the same name, 'Plugin', and are both {plugin}; leave one out.")
+    assert "nearest" not in sentence
 
 
 def test_a_plugin_of_the_name_of_a_registered_strategy_is_refused_beside_it(tmp_path):

@@ -27,7 +27,7 @@ def in_time(evidence: Evidence) -> str:
     found = evidence.examination
     for tour, answers in found.tours.items():
         if answers.late:
-            raise BrokenError(f"{tour.name}, decision {len(answers.given)}: {answers.error}")
+            raise BrokenError(f"{tour.name}, decision {len(answers.given)}: {answers.told}")
     for tour, played in found.trials.items():
         if played.late:
             raise BrokenError(f"{tour.name}: it {played.reason}")
@@ -103,7 +103,7 @@ def _answers(evidence: Evidence, tours: Sequence[Tour]) -> dict[Tour, Answers]:
 def _complete(answers: dict[Tour, Answers]) -> str:
     for tour, own in answers.items():
         if own.error:
-            raise BrokenError(f"{tour.name}, decision {len(own.given)}: {own.error}")
+            raise BrokenError(f"{tour.name}, decision {len(own.given)}: {own.told}")
     return f"{sum(len(own.given) for own in answers.values())} decisions were asked for"
 
 

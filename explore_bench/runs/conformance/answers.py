@@ -17,6 +17,7 @@ from explore_bench.runs.conformance.digest import changed_part, digests
 from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import Tour, observations
 from explore_bench.strategies.contract import Observation, Target
+from explore_bench.strategies.tracing import place_of, with_place
 from explore_bench.trial.containment import Signals, time_limit
 from explore_bench.trial.explorer import ChoiceError, checked
 from explore_bench.trial.loop import rollout
@@ -46,6 +47,7 @@ class Answers:
     given : each answer.
     counts : number of candidates at each decision of the tour.
     error : what it did instead of the next answer; empty where it answered to the end.
+    place : where in its own source that was; empty where that is not known.
     refused : why it runs in no world of this kind, by its entry or in a RequestError before its first answer; empty
         where it did not refuse it.
     late : whether that was for want of time.
@@ -60,6 +62,12 @@ class Answers:
     late: bool
     modified: str
     drawn: tuple[str, ...]
+    place: str = ""
+
+    @property
+    def told(self) -> str:
+        """The error with its place."""
+        return with_place(self.error, self.place)
 
     def same_as(self, other: Answers) -> bool:
         """Whether the two answered alike."""
@@ -87,7 +95,7 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     events = rollout(spec.scenario, world, spec.generator("motion"), spec.generator("sensor"))
     given: list[Answer] = []
     drawn: list[str] = []
-    error, refused, own = "", "", os.getpid()
+    error, place, refused, own = "", "", "", os.getpid()
     told = Signals()
     try:
         with contextlib.redirect_stdout(sys.stderr), time_limit(subject.timeout) as told:
@@ -100,6 +108,7 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
                 _ask(events, strategy, shown, given)
     except BaseException as raised:
         error = f"it raised {describe(raised)}"
+        place = place_of(raised, spec.factory)
         if isinstance(raised, RequestError) and not given:
             refused = " ".join(str(raised).split()).rstrip(".")
     finally:
@@ -112,7 +121,7 @@ def play(subject: Subject, tour: Tour, strategy: Any = None, chance: int = 0) ->
     modified = next(filter(None, map(changed_part, before, shown)), "")
     if modified:
         observations.cache_clear()
-    return Answers(tuple(given), counts, error, refused, told.expired, modified, tuple(drawn))
+    return Answers(tuple(given), counts, error, refused, told.expired, modified, tuple(drawn), place)
 
 
 def _ask(events: Generator[Any, Any, Any], strategy: Any, shown: tuple[Observation, ...], given: list[Answer]) -> None:

@@ -19,10 +19,11 @@ from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour
 from explore_bench.runs.runner import execute
+from explore_bench.runs.witness import run_witnessed
 from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import StrategyError, check_methods
+from explore_bench.strategies.tracing import place_of, with_place
 from explore_bench.trial.containment import Signals, time_limit
-from explore_bench.trial.run import run_trial
 from explore_bench.trial.spec import Status
 
 TOURS = (*ORDINARY, *SITUATIONS)
@@ -157,12 +158,12 @@ def _stages(subject: Subject) -> Iterator[tuple[str, Tour | None, object]]:
         found.tours[tour] = play(subject, tour)
         yield "tours", tour, found.tours[tour]
     for tour in found.accepted(TRIALS):
-        result = run_trial(subject.spec(tour), subject.timeout)
+        result, told = run_witnessed(subject.spec(tour), subject.timeout)
         answers = ((made.choice, made.target) for made in result.snapshots.values() if made.candidates is not None)
         choices = _choices(answers)
         slowest = max(result.decision_seconds, default=0.0)
         late = result.transient and result.seconds >= subject.timeout
-        yield "trials", tour, Played(result.status, result.reason, choices, late, slowest, result.seconds)
+        yield "trials", tour, Played(result.status, told, choices, late, slowest, result.seconds)
 
 
 def _choices(answers: Iterable[tuple[int | None, Sequence[float] | None]]) -> tuple[int | Target, ...]:
@@ -180,11 +181,11 @@ def _refusal(subject: Subject) -> str:
         with time_limit(subject.timeout) as told:
             check_methods(subject.make(), subject.entry.reference)
     except StrategyError as error:
-        refusal = str(error).rstrip(".")
+        refusal = with_place(str(error).rstrip("."), place_of(error, subject.entry.factory))
     except RequestError:
         raise
     except BaseException as error:
-        refusal = f"making it raised {describe(error)}"
+        refusal = with_place(f"making it raised {describe(error)}", place_of(error, subject.entry.factory))
     return f"its import took longer than the {subject.timeout:g} s allowed" if told.expired else refusal
 
 

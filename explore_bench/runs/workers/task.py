@@ -13,6 +13,7 @@ import numpy as np
 
 from explore_bench.records.encoding import encode
 from explore_bench.records.provenance import trial_key
+from explore_bench.runs.witness import run_witnessed
 from explore_bench.runs.workers import SHIPPED
 from explore_bench.runs.workers.memory import memory_limit, share_of_memory
 from explore_bench.runs.workers.process import READY, Answer
@@ -77,16 +78,16 @@ def perform_ready(task: Task, here: TrialSpec) -> Iterator[Any]:
     yield READY
     with memory_limit(task.memory or share_of_memory(os.cpu_count() or 1)):
         begin = time.perf_counter()
-        result = run_trial(here, task.timeout)
+        result, told = run_witnessed(here, task.timeout)
         seconds = time.perf_counter() - begin
-    yield Answer(_report(task, result, seconds), last=result.transient)
+    yield Answer(_report(task, result, told, seconds), last=result.transient)
 
 
 def perform(task: Task) -> Report:
     """Run a trial in this process."""
     begin = time.perf_counter()
-    result = run_trial(task.spec, task.timeout)
-    return _report(task, result, time.perf_counter() - begin)
+    result, told = run_witnessed(task.spec, task.timeout)
+    return _report(task, result, told, time.perf_counter() - begin)
 
 
 def lost(task: Task, reason: str) -> Report:
@@ -105,15 +106,15 @@ def lost(task: Task, reason: str) -> Report:
         seconds=0.0,
         transient=True,
     )
-    return _report(task, result, 0.0)
+    return _report(task, result, reason, 0.0)
 
 
-def _report(task: Task, result: TrialResult, seconds: float) -> Report:
+def _report(task: Task, result: TrialResult, told: str, seconds: float) -> Report:
     result = replace(result, spec=task.spec)
     outcome = Outcome(
         spec=task.spec,
         status=result.status,
-        reason=result.reason,
+        reason=told,
         steps=max(len(result.steps) - 1, 0),
         seconds=seconds,
         decision_seconds=tuple(result.decision_seconds),
