@@ -16,6 +16,7 @@ from explore_bench.cli.demo import demo
 from explore_bench.cli.gate import gate
 from explore_bench.cli.list_ import list_
 from explore_bench.cli.merge import merge
+from explore_bench.cli.new import new
 from explore_bench.cli.options import DONE, INTERRUPTED, WRONG
 from explore_bench.cli.perf import perf
 from explore_bench.cli.report import report
@@ -70,5 +71,5 @@ def cli() -> None:
     """Compare robot-exploration strategies: paired, seeded trials in one simulator, tables with intervals."""
 
 
-for command in (list_, run, merge, report, verify, compare, gate, check, demo, train, perf):
+for command in (list_, run, merge, report, verify, compare, gate, new, check, demo, train, perf):
     cli.add_command(command)

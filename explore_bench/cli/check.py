@@ -9,12 +9,13 @@ from pathlib import Path
 
 import click
 
+from explore_bench.cli.completion import one_of, strategies
 from explore_bench.cli.options import DONE, NO, json_option
 from explore_bench.files import write_whole
 
 
 @click.command()
-@click.argument("strategy")
+@click.argument("strategy", shell_complete=one_of(strategies, files=True))
 @click.option(
     "--timeout",
     type=click.FloatRange(0, 1e6, min_open=True),

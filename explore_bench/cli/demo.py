@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from explore_bench.cli.completion import one_of, strategies
 from explore_bench.cli.options import DONE, NO, physics_of, results_option, root_option, world_options
 from explore_bench.errors import RequestError, one_line
 
@@ -15,7 +16,7 @@ MAX_WORLDS = 100_000
 
 
 @click.command()
-@click.argument("strategy")
+@click.argument("strategy", shell_complete=one_of(strategies, files=True))
 @click.option("--size", type=float, metavar="M", help="Edge of the map [m] (default: the scenario's, or 20).")
 @click.option(
     "--trial",

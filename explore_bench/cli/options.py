@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from explore_bench.cli.completion import maps, one_of, scenarios
 from explore_bench.errors import RequestError, one_line
 
 if TYPE_CHECKING:
@@ -48,8 +49,13 @@ def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
     own = "A world of your own: .yaml of map_server, .png, .pgm, .npy or .txt; or one of the suite 'maps'."
     pixel = "Edge of a pixel of the map [m], where its file does not say (default: a cell)."
     options = (
-        click.option("--scenario", metavar="NAME|FILE.toml", help="Physical constants instead of the paper's."),
-        click.option("--map", "map_", metavar="FILE|NAME", help=own),
+        click.option(
+            "--scenario",
+            metavar="NAME|FILE.toml",
+            shell_complete=one_of(scenarios, files=True),
+            help="Physical constants instead of the paper's.",
+        ),
+        click.option("--map", "map_", metavar="FILE|NAME", shell_complete=one_of(maps, files=True), help=own),
         click.option("--resolution", type=float, metavar="M", help=pixel),
     )
     for option in reversed(options):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from explore_bench.cli.completion import one_of, strategies, suites
 from explore_bench.cli.options import (
     DONE,
     INCOMPLETE,
@@ -28,13 +29,14 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("suite")
+@click.argument("suite", shell_complete=one_of(suites))
 @click.option(
     "-s",
     "--strategy",
     "names",
     multiple=True,
     metavar="STRATEGY",
+    shell_complete=one_of(strategies, files=True),
     help="Not the suite's: NAME, MODULE:FACTORY or FILE.py:FACTORY, then [key=value,…] if need be; repeatable.",
 )
 @click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")

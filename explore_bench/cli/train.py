@@ -6,18 +6,24 @@ from pathlib import Path
 
 import click
 
+from explore_bench.cli.completion import learned, one_of, scenarios
 from explore_bench.cli.options import DONE, INTERRUPTED
 from explore_bench.errors import RequestError
 
 
 @click.command()
-@click.argument("name")
+@click.argument("name", shell_complete=one_of(learned))
 @click.option(
     "--seed", type=click.IntRange(0, 99_999), default=0, show_default=True, metavar="S", help="Training seed."
 )
 @click.option("--episodes", type=click.IntRange(1), metavar="N", help="Episodes in all (default: the strategy's own).")
 @click.option("--resume", is_flag=True, help="Go on from the last checkpoint, where there is one.")
-@click.option("--scenario", metavar="NAME|FILE.toml", help="Train and validate in its worlds instead of the paper's.")
+@click.option(
+    "--scenario",
+    metavar="NAME|FILE.toml",
+    shell_complete=one_of(scenarios, files=True),
+    help="Train and validate in its worlds instead of the paper's.",
+)
 @click.option("--from", "start", metavar="FILE", help="Weights to start from (.safetensors, its card beside it).")
 @click.option(
     "--out",
