@@ -13,7 +13,7 @@ suite = ($(BIN)/explore-bench run $(1) --results $(2); status=$$?; \
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean gate lint maps mutate perf plans report reproduce robustness setup stage test \
+.PHONY: bench bench-smoke calibrate clean docs gate lint maps mutate perf plans report reproduce robustness setup stage test \
   test-slow torture train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure; Figure 16 into results/figure16
@@ -61,11 +61,15 @@ test: $(READY)           ## The tests
 test-slow: $(READY)      ## The tests that take minutes
 	$(BIN)/pytest -m slow $(WORKERS)
 
-lint: $(READY)           ## Style, types, and pages that match the results
+lint: $(READY)           ## Style, types, pages that match the results, and a site without a broken link
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python docs/fill.py --check
+	$(BIN)/mkdocs build --strict --quiet
+
+docs: $(READY)           ## The documentation as a site, into site/
+	$(BIN)/mkdocs build --strict
 
 calibrate: $(READY)      ## The studies behind the constants that the paper leaves out
 	$(BIN)/python docs/studies/calibration.py
@@ -81,8 +85,8 @@ setup: $(READY)          ## Only set up
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test,lint]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test,lint,docs]'
 	@touch $(READY)
 
 clean:                   ## Remove the environment and what tools left; results stay
-	rm -rf $(VENV) build mutants *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build mutants site *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -100,13 +100,13 @@ def claims() -> str:
 def calibration_result() -> str:
     """The settings of the last pass, best first."""
     fine = pd.read_csv(STUDIES / "calibration-fine.csv")
-    return _markdown(fine[[*CONSTANTS, "connected_draws", "worlds", "rms", "low", "high"]].round(3))
+    return markdown(fine[[*CONSTANTS, "connected_draws", "worlds", "rms", "low", "high"]].round(3))
 
 
 def calibration_coarse() -> str:
     """The settings of the first two passes, best first."""
     coarse = pd.read_csv(STUDIES / "calibration-coarse.csv")
-    return _markdown(coarse[[*CONSTANTS, "worlds", "rms", "low", "high"]].round(3))
+    return markdown(coarse[[*CONSTANTS, "worlds", "rms", "low", "high"]].round(3))
 
 
 def calibration_fit() -> str:
@@ -120,7 +120,7 @@ def calibration_fit() -> str:
         cells.setdefault(strategy, {})[f"{symbol}, {size} m"] = round(math.exp(value), 2)
     table = pd.DataFrame(cells).T
     table.insert(0, "ours / paper", table.index)
-    return _markdown(table)
+    return markdown(table)
 
 
 def weight_sweep(strategy: str, heading: str) -> str:
@@ -129,7 +129,7 @@ def weight_sweep(strategy: str, heading: str) -> str:
     sweep = sweep[sweep["strategy"] == strategy].drop(columns="strategy")
     interval = [f"[{low:.3f}, {high:.3f}]" for low, high in zip(sweep["low"], sweep["high"], strict=True)]
     sweep.insert(2, "95 % interval", interval)
-    return _markdown(sweep.drop(columns=["low", "high"]).rename(columns={"value": heading}))
+    return markdown(sweep.drop(columns=["low", "high"]).rename(columns={"value": heading}))
 
 
 def tours() -> str:
@@ -155,7 +155,7 @@ def tours() -> str:
                 "below the bound": f"{(here['fastest'] < here['bound']).mean():.0%}",
             }
         )
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def accurate_tours() -> str:
@@ -180,43 +180,43 @@ def accurate_tours() -> str:
         row["the best of all trials"] = f"{least.mean():.2f}"
         row["worlds in which a trial is better"] = f"{(least.to_numpy() < here['objective'].to_numpy()).mean():.0%}"
         rows.append(row)
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def entropy_fringe() -> str:
     """What known cells promise to `entropy`."""
-    return _markdown(pd.read_csv(STUDIES / "entropy-fringe.csv"))
+    return markdown(pd.read_csv(STUDIES / "entropy-fringe.csv"))
 
 
 def chen2020() -> str:
     """Steps and entropies in [8]'s protocol beside [8]'s own."""
-    return _markdown(pd.read_csv(STUDIES / "chen2020.csv"))
+    return markdown(pd.read_csv(STUDIES / "chen2020.csv"))
 
 
 def stage_choices() -> str:
     """What the choices behind the lidar worlds do."""
-    return _markdown(pd.read_csv(STUDIES / "stage-choices.csv"))
+    return markdown(pd.read_csv(STUDIES / "stage-choices.csv"))
 
 
 def stage_view() -> str:
     """What it is worth to know what walls hide."""
-    return _markdown(pd.read_csv(STUDIES / "stage-view.csv"))
+    return markdown(pd.read_csv(STUDIES / "stage-view.csv"))
 
 
 def stage_frontiers() -> str:
     """What the grid of decisions costs the nearest frontier."""
-    return _markdown(pd.read_csv(STUDIES / "stage-frontiers.csv"))
+    return markdown(pd.read_csv(STUDIES / "stage-frontiers.csv"))
 
 
 def stage_tuning() -> str:
     """What training in lidar worlds adds."""
-    return _markdown(pd.read_csv(STUDIES / "stage-tuning.csv"))
+    return markdown(pd.read_csv(STUDIES / "stage-tuning.csv"))
 
 
 def lidar_results(suite: str) -> str:
     """The table of a suite of lidar worlds, as `explore-bench report` wrote it, its most telling columns."""
     table = pd.read_csv(ROOT / "results" / suite / "tables" / "stage.csv")
-    return _markdown(table[list(STAGE_COLUMNS)].fillna("–"))
+    return markdown(table[list(STAGE_COLUMNS)].fillna("–"))
 
 
 def lidar_transfer(suite: str) -> str:
@@ -231,7 +231,7 @@ def lidar_transfer(suite: str) -> str:
 
 def stage_slam() -> str:
     """What window and anchors do to the errors of the lidar SLAM."""
-    return _markdown(pd.read_csv(STUDIES / "stage-slam.csv").round(3))
+    return markdown(pd.read_csv(STUDIES / "stage-slam.csv").round(3))
 
 
 def map_order() -> str:
@@ -248,14 +248,14 @@ def columns() -> str:
     """Columns of a shard with type, unit and meaning."""
     rows = (step_columns("landmark") | FINAL_COLUMNS | REPLAY_COLUMNS | FINE_COLUMNS).items()
     table = [{"column": f"`{n}`", "type": c.dtype, "unit": c.unit, "meaning": c.meaning or "〃"} for n, c in rows]
-    return _markdown(pd.DataFrame(table))
+    return markdown(pd.DataFrame(table))
 
 
 def lidar_columns() -> str:
     """Columns of a row that only lidar worlds have."""
     rows = {name: column for name, column in step_columns("lidar").items() if name not in step_columns("landmark")}
     table = [{"column": f"`{n}`", "type": c.dtype, "unit": c.unit, "meaning": c.meaning} for n, c in rows.items()]
-    return _markdown(pd.DataFrame(table))
+    return markdown(pd.DataFrame(table))
 
 
 def lidar_metrics() -> str:
@@ -264,7 +264,7 @@ def lidar_metrics() -> str:
         {"column": f"`{name}`", "unit": own.unit, "better": own.better or "–", "definition": own.equation}
         for name, own in metrics_of("lidar").items()
     ]
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def public() -> str:
@@ -273,7 +273,7 @@ def public() -> str:
         {"name": f"`{name}`", "what": _summary(name), "module": f"`explore_bench.{module}`"}
         for name, module in explore_bench.PUBLIC.items()
     ]
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def _summary(name: str) -> str:
@@ -306,7 +306,7 @@ def weights() -> str:
                 "validation: log e − log η": ", ".join(f"{card['validation']['objective']:.2f}" for card in own),
             }
         )
-    return f"{_markdown(pd.DataFrame(rows))}\n\n{_throughput(cards)}"
+    return f"{markdown(pd.DataFrame(rows))}\n\n{_throughput(cards)}"
 
 
 def _throughput(cards: list[dict]) -> str:
@@ -328,7 +328,7 @@ def validations() -> str:
             rows.append(
                 {"strategy": f"`{name}`", "seeds": len(own)} | {f"{at:,}": _validated(own, at) for at in VALIDATED}
             )
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def _validated(tables: list[pd.DataFrame], episodes: int) -> str:
@@ -341,7 +341,7 @@ def _validated(tables: list[pd.DataFrame], episodes: int) -> str:
 
 def learning_causes() -> str:
     """Settings of Graph-STNN's learning and what they led to."""
-    return _markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
+    return markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
 
 
 def margins() -> str:
@@ -357,7 +357,7 @@ def margins() -> str:
                 cell = "–" if margin is None else str(margin)
                 cells[f"{symbol}, {size:g} m"] = f"**{cell}**" if margin and margin.better else cell
         rows.append({"pair": f"`{a}` to `{b}`", **cells})
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def targets() -> str:
@@ -381,7 +381,7 @@ def targets() -> str:
                     "reached": "yes" if margin.mean / target >= 1 else "no",
                 }
             )
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 def lead() -> str:
@@ -402,7 +402,7 @@ def lead() -> str:
                     "to it": str(known[closest]),
                 }
             )
-    return _markdown(pd.DataFrame(rows))
+    return markdown(pd.DataFrame(rows))
 
 
 @dataclass(frozen=True)
@@ -460,7 +460,7 @@ def regrets() -> str:
             cells.setdefault(f"{size:g} m", {})[f"`{strategy}`"] = " to ".join(f"{mean:.2f}" for mean in means)
     table = pd.DataFrame(cells).fillna("–")
     table.insert(0, "regret", table.index)
-    return _markdown(table)
+    return markdown(table)
 
 
 PARTS: dict[str, Callable[[], str]] = {
@@ -533,12 +533,14 @@ def _range(cards: list[dict], key: str, scale: float) -> str:
     return " to ".join(f"{value:,}" for value in dict.fromkeys((values[0], values[-1])))
 
 
-def _markdown(table: pd.DataFrame) -> str:
+def markdown(table: pd.DataFrame) -> str:
+    """Table in Markdown."""
     lines = [[str(name) for name in table.columns], ["---"] * len(table.columns)]
     lines += [
         [f"{cell:g}" if isinstance(cell, float) else str(cell) for cell in row] for row in table.to_numpy().tolist()
     ]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    rows = ("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join(row.replace("] [", "] \\[") for row in rows)  # two pairs of brackets are no link
 
 
 if __name__ == "__main__":

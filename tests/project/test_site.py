@@ -1,0 +1,60 @@
+"""The site of the documentation: in its menu is every page, and what it computes is what is stored.
+
+`make lint` builds it, and fails at a link that leads nowhere.
+"""
+
+import re
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from explore_bench.runs.suites import SUITES
+from explore_bench.strategies.registry import strategies
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def site():
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed")
+    spec = spec_from_file_location("site_pages", ROOT / "docs" / "site_pages.py")
+    module = module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [*sys.path])
+        spec.loader.exec_module(module)
+    return module
+
+
+def test_the_menu_has_every_page_of_the_documentation():
+    menu = set(re.findall(r": (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE))
+    pages = {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
+    assert menu == pages | {"README.md", "CONTRIBUTING.md", "CHANGELOG.md", "api.md", "suites.md"}
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_the_page_of_a_suite_has_version_observation_metrics_and_scores(site, name):
+    page = site._suite(name)
+    for title in ("Version", "Observation", "Metrics", "Reference scores"):
+        assert page.count(f"\n## {title}\n") == 1
+    assert "trajectory_error" in page
+    stored = re.search(r"From \[(results/\S+)\]", page)
+    assert (stored and (ROOT / stored[1]).is_file()) or f"`explore-bench run {name}" in page
+
+
+def test_reference_scores_are_those_of_the_summary(site):
+    summary = pd.read_csv(ROOT / "results" / "summary.csv").set_index(["table", "strategy", "size", "metric"])
+    line = summary.loc[("table2", "nearest", 20.0, "trajectory_error")]
+    [row] = [row for row in site._suite("smoke").splitlines() if row.startswith("| `nearest` |")]
+    assert f"| {line['mean']:.3f} [{line['ci_low']:.3f}, {line['ci_high']:.3f}] |" in row
+    told = re.findall(r"^\| `([\w-]+)` \|", site._suite("table3").split("## Reference scores")[1], re.MULTILINE)
+    assert told == [name for name, entry in strategies().items() if SUITES["table3"].sizes_of(entry)]
+
+
+def test_a_link_out_of_the_documentation_is_followed_to_files_and_folders(site):
+    text = "[a](../examples) [b](../examples/learned.py#L1) [c](https://x.org/y) [d](#e) [f](../no.md) [g](../..)"
+    assert list(site._linked(text, ROOT / "docs")) == ["examples", "examples/learned.py"]
+    assert "- [`learned.py`](learned.py)" in site._folder(ROOT / "examples")
+    assert site._folder(ROOT / "examples" / "explore-bench-frontier").startswith("# explore-bench-frontier")
