@@ -13,8 +13,8 @@ suite = ($(BIN)/explore-bench run $(1) --results $(2); status=$$?; \
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean docs gate lint maps mutate perf plans report reproduce robustness setup stage test \
-  test-slow torture train
+.PHONY: bench bench-smoke calibrate clean confirm docs field gate lint maps mutate perf plans report reproduce \
+  robustness setup stage test test-slow torture train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure; Figure 16 into results/figure16
 	@$(call suite,paper,results); status=$$?; $(call suite,figure16,results/figure16) && exit $$status
@@ -37,6 +37,9 @@ gate: $(READY)           ## Is a metric worse than results/reference tolerates? 
 
 maps: $(READY)           ## The compared methods in the maps of the gallery, into results/maps
 	@$(call suite,maps,results/maps)
+
+confirm: $(READY)        ## Ours against all others in worlds of a seed used once, as results/confirmation declares; hours
+	$(BIN)/python docs/studies/confirm.py
 
 report: $(READY)         ## Tables and figures from stored records
 	$(BIN)/explore-bench report

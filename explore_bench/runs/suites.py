@@ -139,6 +139,12 @@ SUITES: dict[str, Suite] = {
         variations=RANGES,
         seeds=1,
     ),
+    "confirmation": Suite(
+        "all strategies of paper and field at 20, 30 and 40 m; give it a root seed and a folder of its own",
+        tuple((table, (20.0, 30.0, 40.0)) for table in ("table2", "table3", "layers", "cells", "field")),
+        trials=200,
+        seeds=1,
+    ),
 }
 
 
