@@ -11,12 +11,19 @@ from explore_bench.cli.options import DONE, json_option
 
 @click.command()
 @json_option
-def perf(file: Path | None) -> int:
+@click.option(
+    "--against", type=click.Path(path_type=Path), metavar="FILE", help="Compare with a stored file of --json: ratios."
+)
+def perf(file: Path | None, against: Path | None) -> int:
     """Print where a step's time goes, as ratios to iSAM2's own update in the same run, and that of the lidar worlds."""
     from explore_bench.runs.perf import measure, text, write_json
+    from explore_bench.runs.perf_against import comparison, read_stored
 
+    stored = None if against is None else read_stored(against)
     numbers = measure(lambda line: click.echo(line, err=True))
     click.echo(text(numbers))
+    if stored is not None:
+        click.echo(f"\n{comparison(stored, numbers)}")
     if file is not None:
         write_json(numbers, file)
     return DONE

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import statistics
+import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -19,8 +20,9 @@ from explore_bench.runs.perf_by_lidar import SCENES, ScenePart, SceneTimes, meas
 from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.registry import strategies
-from explore_bench.trial.run import run_trial
+from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.scenario import Scenario
 from explore_bench.world.scenarios import PAPER
 
 SIZES = (20.0, 40.0)
@@ -57,6 +59,7 @@ class Perf:
     median_step_to_isam2_ratio : median step over median update, at each length.
     step_growth_1000_over_100 : median step at 1000 poses over that at 100.
     decision_ms : strategy → size → median time of a choice; NaN for a strategy that made none (null in JSON).
+    trial_cpu_s : strategy → size → CPU seconds of a whole trial, its decisions included; median over trials.
     scenes : what trials in lidar worlds cost, by scene.
     """
 
@@ -65,6 +68,7 @@ class Perf:
     step_growth_1000_over_100: dict[str, float]
     decision_ms: dict[str, dict[str, float]]
     parts: list[Part]
+    trial_cpu_s: dict[str, dict[str, float]] = field(default_factory=dict)
     scenes: list[SceneTimes] = field(default_factory=list)
 
 
@@ -94,17 +98,19 @@ def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
             medians[key][f"{length}"] = totals[length] / statistics.median(step[ISAM2] for step in window)
             parts += _parts(window, size, length)
         growth[key] = totals[1000] / totals[100]
-    say("decisions")
-    decisions = {
-        name: {f"{size:g}": _decision_ms(name, entry, size) for size in SIZES}
-        for name, entry in strategies().items()
-        if entry.ready
-    }
+    decisions: dict[str, dict[str, float]] = {}
+    trial_cpu: dict[str, dict[str, float]] = {}
+    for name, entry in strategies().items():
+        if entry.ready:
+            say(f"whole trials of {name}")
+            times = {f"{size:g}": _whole_trials(name, entry, size) for size in SIZES}
+            decisions[name] = {key: decision for key, (decision, _) in times.items()}
+            trial_cpu[name] = {key: seconds for key, (_, seconds) in times.items()}
     scenes = []
     for scene in SCENES:
         say(f"whole trials by lidar, {scene}")
         scenes.append(measure_scene(scene))
-    return Perf(ratios, medians, growth, decisions, parts, scenes)
+    return Perf(ratios, medians, growth, decisions, parts, trial_cpu, scenes)
 
 
 def text(perf: Perf) -> str:
@@ -121,9 +127,11 @@ def text(perf: Perf) -> str:
             lines.append(f"{name:<14}" + "".join(f"{cells.get(c, ''):>18}" for c in columns))
         lines.append(f"whole step to iSAM2's update over whole trials: {perf.step_to_isam2_ratio[key]:.2f}")
         lines.append(f"whole step at 1000 poses to that at 100: {perf.step_growth_1000_over_100[key]:.2f}")
-    lines += ["", f"{'median decision [ms]':<22}" + "".join(f"{f'{size:g} m':>10}" for size in SIZES)]
-    for name, by_size in perf.decision_ms.items():
-        lines.append(f"{name:<22}" + "".join(f"{by_size[f'{size:g}']:>10.3f}" for size in SIZES))
+    for title, times in (("median decision [ms]", perf.decision_ms), ("CPU s a whole trial", perf.trial_cpu_s)):
+        if times:
+            lines += ["", f"{title:<22}" + "".join(f"{f'{size:g} m':>10}" for size in SIZES)]
+        for name, by_size in times.items():
+            lines.append(f"{name:<22}" + "".join(f"{by_size[f'{size:g}']:>10.3f}" for size in SIZES))
     if perf.scenes:
         lines += ["", *scene_table(perf.scenes)]
     return "\n".join(lines[1:])
@@ -173,20 +181,32 @@ def _parts(steps: list[dict[str, float]], size: float, length: int | None) -> li
     return [Part(name, size, length, 1e6 * medians[name], medians[name] / unit) for name in names]
 
 
-def _decision_ms(name: str, entry: Entry, size: float) -> float:
-    """Median time of a decision [ms]; NaN for a strategy that made none, a broken plugin."""
-    seconds: list[float] = []
-    for trial in range(DECISION_TRIALS):
-        spec = TrialSpec(
-            name,
-            entry.factory,
-            PAPER.replace(size=size),
-            trial,
-            dict(entry.parameters),
-            entry.reference,
-            purpose="calibrate",
-            weights=next(iter(entry.weights.values()), None),
-            broken=entry.broken,
-        )
-        seconds += run_trial(spec).decision_seconds
-    return 1e3 * statistics.median(seconds) if seconds else math.nan
+def _whole_trials(name: str, entry: Entry, size: float) -> tuple[float, float]:
+    """Median time of a decision [ms], NaN for a strategy that made none, a broken plugin; and CPU time of a trial [s].
+
+    A tiny trial comes first, for imports, weights and compiled code.
+    """
+    scenario = PAPER.replace(size=size)
+    _whole_trial(name, entry, scenario.tiny, 0)
+    results = [_whole_trial(name, entry, scenario, trial) for trial in range(DECISION_TRIALS)]
+    seconds = [second for result, _ in results for second in result.decision_seconds]
+    decision = 1e3 * statistics.median(seconds) if seconds else math.nan
+    return decision, statistics.median(spent for _, spent in results)
+
+
+def _whole_trial(name: str, entry: Entry, scenario: Scenario, trial: int) -> tuple[TrialResult, float]:
+    """Run a trial; its CPU time [s] beside it."""
+    spec = TrialSpec(
+        name,
+        entry.factory,
+        scenario,
+        trial,
+        dict(entry.parameters),
+        entry.reference,
+        purpose="calibrate",
+        weights=next(iter(entry.weights.values()), None),
+        broken=entry.broken,
+    )
+    begin = time.process_time()
+    result = run_trial(spec)
+    return result, time.process_time() - begin

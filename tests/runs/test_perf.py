@@ -2,6 +2,7 @@
 
 import json
 import statistics
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,7 @@ from explore_bench.cli import main
 from explore_bench.errors import RequestError
 from explore_bench.runs import perf
 from explore_bench.runs.perf import Part, measure, read_json, text, write_json
+from explore_bench.runs.perf_against import comparison
 from explore_bench.runs.perf_by_lidar import ScenePart, SceneTimes
 from explore_bench.runs.stopwatch import DECISION
 from explore_bench.strategies.entry import Entry
@@ -18,7 +20,7 @@ from explore_bench.trial.spec import TrialSpec
 from explore_bench.world.scenarios import PAPER
 
 NEAREST = Entry("baselines.nearest:Nearest", "Nearest")
-DECISION_MS = perf._decision_ms
+WHOLE_TRIALS = perf._whole_trials
 PARTS = [ScenePart("match", 6.0, 0.6), ScenePart("loops", 4.0, 0.4), ScenePart("whole key pose", 10.0, 1.0)]
 
 
@@ -33,7 +35,7 @@ def cheap(monkeypatch):
     """Two sizes of made-up times, the decisions of one strategy, and two scenes."""
     monkeypatch.setattr(perf, "_steps", made_up)
     monkeypatch.setattr(perf, "TRIALS", 2)
-    monkeypatch.setattr(perf, "_decision_ms", lambda name, entry, size: size / 10)
+    monkeypatch.setattr(perf, "_whole_trials", lambda name, entry, size: (size / 10, size / 100))
     monkeypatch.setattr(perf, "measure_scene", lambda scene: SceneTimes(scene, 200, 90.0, PARTS))
     untrained = Entry("nowhere:learned", "Learned", trainer="nowhere:train")
     monkeypatch.setattr(perf, "strategies", lambda: {"nearest": NEAREST, "learned": untrained})
@@ -109,6 +111,87 @@ def test_scenes_stand_after_the_rest_and_come_back_from_the_file(cheap, tmp_path
     assert "lidar" not in text(read_json(tmp_path / "old.json"))
 
 
+def test_the_cpu_time_of_a_whole_trial_stands_by_strategy_and_size(cheap):
+    numbers = measure()
+    assert numbers.trial_cpu_s == {"nearest": {"20": 0.2, "40": 0.4}}
+    shown = text(numbers).splitlines()
+    title = next(i for i, line in enumerate(shown) if line.startswith("CPU s a whole trial"))
+    assert shown[title].split()[-4:] == ["20", "m", "40", "m"]
+    assert shown[title + 1].split() == ["nearest", "0.200", "0.400"]
+    assert "CPU" not in text(replace(numbers, trial_cpu_s={})), "a file of before has none"
+
+
+def test_cpu_time_is_that_of_the_process_and_counts_decisions(monkeypatch, tmp_path):
+    """A strategy that works for 20 ms a decision costs that; one that sleeps as long does not."""
+    monkeypatch.setattr(perf, "DECISION_TRIALS", 1)
+    spent = {}
+    for name, wait in (("works", "while time.process_time() < begin + 0.02: pass"), ("sleeps", "time.sleep(0.02)")):
+        file = tmp_path / f"{name}.py"
+        file.write_text(
+            "import time\n"
+            "class Slow:\n"
+            "    def reset(self, rng): ...\n"
+            "    def choose(self, observation):\n"
+            "        begin = time.process_time()\n"
+            f"        {wait}\n"
+            "        return int(observation.path_lengths.argmin())\n"
+        )
+        spent[name] = perf._whole_trials(name, Entry(f"{file}:Slow", name), 20.0)[1]
+    assert 0.0 < spent["sleeps"] < spent["works"]
+
+
+def halved(numbers):
+    """Return a measurement on a machine twice as fast: all times halved, all ratios the same."""
+
+    def half(times):
+        return {name: {key: value / 2 for key, value in by_size.items()} for name, by_size in times.items()}
+
+    parts = [replace(part, median_us=part.median_us / 2) for part in numbers.parts]
+    return replace(numbers, parts=parts, decision_ms=half(numbers.decision_ms), trial_cpu_s=half(numbers.trial_cpu_s))
+
+
+def test_a_faster_machine_shows_in_no_line_of_a_comparison(cheap):
+    numbers = measure()
+    lines = comparison(numbers, halved(numbers)).splitlines()[1:]
+    assert len(lines) == 2 * (4 * 2 + 2 + 2), "world and whole step at four lengths, two ratios, a decision, a trial"
+    assert all(line.split()[-1] == "1.00" for line in lines)
+
+
+def test_a_comparison_worked_by_hand(cheap):
+    """A trial at 20 m takes 0.2 s, which is 2000 updates of 100 µs, and then 0.3 s."""
+    then = measure()
+    now = replace(then, trial_cpu_s={"nearest": {"20": 0.3, "40": 0.4}, "new": {"20": 1.0, "40": 1.0}})
+    lines = {line[:40].strip(): line[40:].split() for line in comparison(then, now).splitlines()}
+    assert lines["20 m: trial of nearest"] == ["2000.00", "3000.00", "1.50"]
+    assert lines["40 m: trial of nearest"] == ["4000.00", "4000.00", "1.00"]
+    assert lines["20 m: decision of nearest"] == ["20.00", "20.00", "1.00"]
+    assert lines["20 m, 1000 poses: world"] == ["5.00", "5.00", "1.00"]
+    assert lines["40 m: step at 1000 poses to 100"] == ["2.00", "2.00", "1.00"]
+    assert not any("new" in name for name in lines), "there is nothing to compare it with"
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(None, "cannot be read"), ("{", "no measurement"), ("[1]", "no measurement"), ('{"parts": []}', "no measurement")],
+)
+def test_what_is_no_measurement_is_refused_before_anything_is_measured(monkeypatch, tmp_path, capsys, content, reason):
+    monkeypatch.setattr(perf, "measure", lambda say: pytest.fail("it measured"))
+    if content is not None:
+        (tmp_path / "old.json").write_text(content)
+    with pytest.raises(SystemExit) as ended:
+        main(["perf", "--against", str(tmp_path / "old.json")])
+    assert ended.value.code == 2
+    assert reason in capsys.readouterr().err
+
+
+def test_the_command_compares_with_what_was_stored(cheap, tmp_path, capsys):
+    write_json(measure(), tmp_path / "perf.json")
+    with pytest.raises(SystemExit) as ended:
+        main(["perf", "--against", str(tmp_path / "perf.json")])
+    assert ended.value.code == 0
+    assert "20 m: all steps to all updates" in capsys.readouterr().out
+
+
 def test_a_file_that_cannot_be_written_is_named(cheap, tmp_path):
     with pytest.raises(RequestError, match="nowhere"):
         write_json(measure(), tmp_path / "nowhere" / "perf.json")
@@ -145,14 +228,14 @@ def test_the_time_of_a_decision_is_that_of_the_strategy(monkeypatch, tmp_path):
         "        time.sleep(0.01)\n"
         "        return int(observation.path_lengths.argmin())\n"
     )
-    assert 10.0 <= perf._decision_ms("slow", Entry(f"{file}:Slow", "Slow"), 20.0) < 30.0
-    assert perf._decision_ms("nearest", NEAREST, 20.0) < 5.0
+    assert 10.0 <= perf._whole_trials("slow", Entry(f"{file}:Slow", "Slow"), 20.0)[0] < 30.0
+    assert perf._whole_trials("nearest", NEAREST, 20.0)[0] < 5.0
 
 
 def test_a_broken_plugin_has_no_time_and_does_not_end_the_measurement(cheap, monkeypatch, tmp_path):
     monkeypatch.setattr(perf, "DECISION_TRIALS", 1)
     broken = Entry("no_such_module_anywhere:Mine", "Mine", broken="it cannot be used")
-    monkeypatch.setattr(perf, "_decision_ms", DECISION_MS)
+    monkeypatch.setattr(perf, "_whole_trials", WHOLE_TRIALS)
     monkeypatch.setattr(perf, "strategies", lambda: {"mine": broken, "nearest": NEAREST})
     write_json(measure(), tmp_path / "perf.json")
     values = json.loads((tmp_path / "perf.json").read_text())["decision_ms"]
@@ -170,8 +253,8 @@ def test_a_learned_strategy_decides_with_the_weights_of_its_first_training_seed(
     monkeypatch.setattr(perf, "run_trial", remember)
     weights = {2: "two.safetensors", 5: "five.safetensors"}
     entry = Entry("a:b", "Learned", parameters={"layers": 1}, trainer="a:train", weights=weights)
-    assert perf._decision_ms("learned", entry, 20.0) == pytest.approx(2.0)
-    assert len(asked) == perf.DECISION_TRIALS
+    assert perf._whole_trials("learned", entry, 20.0)[0] == pytest.approx(2.0)
+    assert len(asked) == 1 + perf.DECISION_TRIALS, "a tiny one first"
     assert {spec.purpose for spec in asked} == {"calibrate"}
     assert all(spec.arguments == {"layers": 1, "weights": "two.safetensors"} for spec in asked)
 
