@@ -252,6 +252,34 @@ def test_fusing_in_two_calls_equals_fusing_in_one(constants, cut):
     np.testing.assert_array_equal(parts.seen, whole.seen)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_sights_judged_together_equal_sights_fused_one_by_one_to_the_last_bit(seed):
+    """The slow way: each sight in plain Python, and fused alone with the cell that it sees."""
+    scenario = Scenario()
+    poses, covariances = random_trajectory(seed, 12)
+    virtual_map = VirtualMap(scenario)
+    virtual_map.fuse(poses, covariances, np.ones(12, dtype=bool))
+    cells = {}
+    bearing2, range2 = (sigma**2 for sigma in scenario.sight_sigmas)
+    for (x, y, _), sigma in zip(poses.tolist(), covariances.tolist(), strict=True):
+        (xx, xy, xh), (_, yy, yh), (_, _, hh) = sigma
+        for cell, (to_x, to_y) in enumerate(scenario.grid.centres().tolist()):
+            dx, dy = to_x - x, to_y - y
+            distance2 = dx * dx + dy * dy
+            if distance2 > scenario.sensor_range**2:
+                continue
+            along = range2 / distance2
+            b_xx = xx - 2.0 * dy * xh + dy * dy * hh + along * dx * dx + bearing2 * dy * dy
+            b_xy = xy + dx * xh - dy * yh - dx * dy * hh + (along - bearing2) * dx * dy
+            b_yy = yy + 2.0 * dx * yh + dx * dx * hh + along * dy * dy + bearing2 * dx * dx
+            held = cells.get(cell, scenario.virtual_sigma**2 * np.eye(2))
+            cells[cell] = intersection(held, np.array([[b_xx, b_xy], [b_xy, b_yy]]))
+    assert len(cells) > 20
+    assert set(cells) == set(np.flatnonzero(virtual_map.seen).tolist())
+    expected = np.array([cells[cell][[0, 0, 1], [0, 1, 1]] for cell in sorted(cells)])
+    np.testing.assert_array_equal(virtual_map.covariances[sorted(cells)], expected)
+
+
 def test_poses_that_are_not_used_take_no_part():
     poses, covariances = random_trajectory(4, 10)
     used = np.arange(10) % 2 == 0

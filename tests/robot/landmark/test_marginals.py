@@ -18,7 +18,7 @@ from slam_reference import (
     worst_difference,
 )
 
-from explore_bench.robot.landmark.block_arrow import invert_corner, recover, to_world
+from explore_bench.robot.landmark.block_arrow import CHECKPOINT, invert_corner, recover, to_world
 from explore_bench.robot.landmark.growing import Rows
 from explore_bench.robot.landmark.marginals import Marginals
 from explore_bench.world.scenario import Scenario
@@ -190,6 +190,54 @@ def test_solving_again_after_extending_is_gtsams_too(seed):
     of_poses, of_landmarks = random.marginals()
     assert worst_difference(marginals.pose_covariances, of_poses) < 1e-8
     assert worst_difference(marginals.landmark_covariances, of_landmarks) < 1e-8
+
+
+@pytest.mark.parametrize("moved_since", [0, 20, 70, 139])
+def test_solving_what_moved_equals_solving_all_to_the_last_bit(moved_since):
+    """The slow way: a fresh solve at the same estimates, step after step; across several checkpoints."""
+    rng = np.random.default_rng(moved_since)
+    random = random_graph(7, 140, 5, sight_share=0.05)
+    marginals, fresh = Marginals(random.scenario), None
+    estimates, points = random.poses.copy(), random.landmarks.copy()
+    known = 0
+    for k, seen in enumerate(random.seen):
+        marginals.add(odometry_before(random, k), seen)
+        known = max([known, *(m + 1 for m in seen)])
+        if not seen and k > 0 and k % 5:
+            marginals.extend(estimates[: k + 1].copy())
+            continue
+        some = rng.uniform(size=len(estimates)) < 0.3
+        some[:moved_since] = False
+        estimates[some] += rng.normal(0.0, 0.02, (some.sum(), 3))
+        if moved_since == 0:
+            points += rng.normal(0.0, 0.02, points.shape) * (rng.uniform(size=(len(points), 1)) < 0.5)
+        marginals.solve(estimates[: k + 1].copy(), points[:known].copy())
+        if k < 100 and k % 7:
+            continue
+        fresh = Marginals(random.scenario)
+        for j, earlier in enumerate(random.seen[: k + 1]):
+            fresh.add(odometry_before(random, j), earlier)
+        fresh.solve(estimates[: k + 1].copy(), points[:known].copy())
+        np.testing.assert_array_equal(marginals.pose_covariances, fresh.pose_covariances)
+        np.testing.assert_array_equal(marginals.landmark_covariances, fresh.landmark_covariances)
+        one, other = marginals.elimination(), fresh.elimination()
+        for name in ("pivots", "gains", "widths", "corner", "corner_covariance"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert fresh is not None
+    assert known == 5
+
+
+def test_an_elimination_sets_in_after_all_that_stayed_where_it_was():
+    """Of 140 poses the last ten move: what belongs to poses before the checkpoint ahead of them is not touched."""
+    random = random_graph(3, 140, 5, sight_share=0.05)
+    marginals = marginals_of(random)
+    estimates = random.poses.copy()
+    estimates[130:] += 0.1
+    marginals._pivots.view[:] = 0.0
+    marginals.solve(estimates, random.landmarks)
+    untouched = (marginals._pivots.view == 0.0).all(axis=(1, 2))
+    assert untouched[: 4 * CHECKPOINT].all()
+    assert not untouched[4 * CHECKPOINT :].any()
 
 
 def long_chain(poses):
