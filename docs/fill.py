@@ -229,6 +229,36 @@ def lidar_transfer(suite: str) -> str:
     return "\n".join(lines)
 
 
+def choices(scenario: str) -> str:
+    """How often methods choose the same, in percent with intervals; training seeds averaged within their method."""
+    table = pd.read_csv(STUDIES / "choices.csv")
+    table = table[table["scenario"] == scenario]
+    names = list(dict.fromkeys(table["a"]))
+    rows = []
+    for place, a in enumerate(names):
+        row = {"%": f"`{a}`"} | {f"`{b}`": "" for b in names}
+        for b in names[place:]:
+            own = table[(table["a"] == a) & (table["b"] == b)]
+            if a == b and len(own) > 1:  # a network with itself says nothing
+                own = own[own["seed_a"] != own["seed_b"]]
+            row[f"`{b}`"] = _percent(own)
+        rows.append(row)
+    chance = table[table["a"] != table["b"]]["chance"].mean()
+    worlds = " and ".join(str(n) for n in sorted(set(table["n"])))
+    return f"{_markdown(pd.DataFrame(rows))}\n\n{worlds} worlds; by chance {100 * chance:.0f} %."
+
+
+def _percent(pairs: pd.DataFrame) -> str:
+    """Agreement of one pair with its interval, or the least and the largest of several."""
+    if len(pairs) == 1:
+        row = pairs.iloc[0]
+        if row["ci_low"] == row["ci_high"]:
+            return f"{100 * row['agreement']:.0f}"
+        return f"{100 * row['agreement']:.0f} [{100 * row['ci_low']:.0f}, {100 * row['ci_high']:.0f}]"
+    ends = (100 * pairs["agreement"].min(), 100 * pairs["agreement"].max())
+    return f"{ends[0]:.0f}–{ends[1]:.0f} ({len(pairs)} pairs of weights)"
+
+
 def stage_slam() -> str:
     """What window and anchors do to the errors of the lidar SLAM."""
     return markdown(pd.read_csv(STUDIES / "stage-slam.csv").round(3))
@@ -477,6 +507,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "entropy-fringe": entropy_fringe,
     "chen2020": chen2020,
     "stage-choices": stage_choices,
+    "choices-paper": partial(choices, "paper"),
+    "choices-stage": partial(choices, "stage"),
     "stage-slam": stage_slam,
     "stage-frontiers": stage_frontiers,
     "stage-tuning": stage_tuning,

@@ -1,5 +1,6 @@
 """The examples: a plugin of a few lines, a learned one, and a package in a virtual environment of its own."""
 
+import importlib
 import os
 import re
 import resource
@@ -11,6 +12,7 @@ import sysconfig
 import venv
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from handmade import TINY
@@ -123,6 +125,98 @@ def test_the_training_writes_weights_that_the_strategy_takes_and_the_same_each_t
     runpy.run_path(str(EXAMPLES / "train_learned.py"))["train"](tmp_path / "b.safetensors", 1, 0, 12.0)
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
     load_factory(f"{EXAMPLES / 'learned.py'}:Learned")(weights=str(tmp_path / "a.safetensors"))
+
+
+# Somebody else's learned planner
+
+GRAPH = f"{EXAMPLES / 'graph_policy.py'}:GraphPolicy[weights={EXAMPLES / 'graph_policy.safetensors'}]"
+SMALL_LIDAR = explore_bench.Scenario(kind="lidar", size=8.0, sensor_range=4.0)
+
+
+@pytest.fixture
+def graph_example(monkeypatch):
+    """Import the planner and its training the way they run: with their own folder on the path."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    yield importlib.import_module("graph_policy"), importlib.import_module("train_graph_policy")
+    for name in ("graph_policy", "train_graph_policy"):
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("scenario", [explore_bench.PAPER, SMALL_LIDAR], ids=["landmark", "lidar"])
+def test_the_graph_is_of_reachable_places_their_views_of_frontiers_and_free_lines(graph_example, scenario):
+    graph_of = graph_example[0].graph_of
+    process = explore_bench.Course(scenario, "validate", 0).begin(0)
+    for _ in range(3):
+        process.decide(int(process.observation.path_lengths.argmin()))
+    seen = process.observation
+    graph, grid, fine = graph_of(seen), seen.scenario.grid, seen.roads.grid
+    drives = dict(zip(*seen.reachable, strict=True))
+    cells = [grid.cell_of(x, y) for x, y in graph.places]
+    assert len(set(cells)) == len(cells) > 5
+    assert tuple(graph.places[graph.own]) == seen.pose[:2]
+    assert not graph.promising[graph.own], "where the robot is it has been"
+    belief = seen.belief
+    free = belief.known & (belief.occupancy <= 0.5)
+    been = {grid.cell_of(x, y) for x, y, _ in belief.poses}
+    for node, ((x, y), length, columns) in enumerate(zip(graph.places, graph.lengths, graph.nodes, strict=True)):
+        assert length == (0.0 if node == graph.own else drives[fine.cell_of(x, y)])
+        assert columns[:2] == pytest.approx([(x - seen.pose[0]) / 20, (y - seen.pose[1]) / 20])
+        in_view = np.flatnonzero(belief.view([(x, y)])[0] & free.reshape(-1))
+        unknown = [cell for cell in in_view if not patch(belief.known, cell).all()]
+        assert columns[2] == pytest.approx(len(unknown) / 10)
+        assert columns[3] == (cells[node] in been)
+        assert graph.promising[node] == (len(unknown) > 0 and cells[node] not in been)
+    assert (graph.edges == graph.edges.T).all()
+    assert graph.edges.diagonal().all()
+    joined = np.argwhere(graph.edges & ~np.eye(len(cells), dtype=bool))
+    assert len(joined) > len(cells)
+    for one, other in joined:
+        rows, columns = np.divmod([cells[one], cells[other]], grid.columns)
+        assert max(abs(rows[0] - rows[1]), abs(columns[0] - columns[1])) == 1
+        for share in (0.0, 0.25, 0.75, 1.0):
+            cell = fine.cell_of(*(graph.places[one] + share * (graph.places[other] - graph.places[one])))
+            assert seen.roads.free.reshape(-1)[cell] or cell == seen.roads.start
+
+
+def patch(cells, cell):
+    """Return a cell of an array with its neighbours."""
+    row, column = divmod(int(cell), cells.shape[1])
+    return cells[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+
+
+@pytest.mark.parametrize("scenario", [None, SMALL_LIDAR], ids=["landmark", "lidar"])
+def test_the_planner_explores_by_targets_as_its_weights_say(scenario):
+    [spec] = plan("smoke", [GRAPH], trials=1, scenario=scenario).specs
+    result = run_trial(spec)
+    assert result.status is Status.EXPLORED, result.reason
+    answers = [snapshot.target for snapshot in result.snapshots.values() if snapshot.candidates]
+    assert sum(target is not None for target in answers) > len(answers) / 2
+    assert run_trial(spec).steps == result.steps
+
+
+def test_the_planner_s_training_writes_the_same_weights_each_time_and_others_are_refused(tmp_path, graph_example):
+    policy, training = graph_example
+    for name in ("a", "b"):
+        training.train(tmp_path / f"{name}.safetensors", episodes=1, epochs=2, seed=0, size=12.0)
+    assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
+    policy.GraphPolicy(str(tmp_path / "a.safetensors"))
+    with pytest.raises(explore_bench.RequestError, match=r"learned\.safetensors.*train_graph_policy"):
+        policy.GraphPolicy(str(EXAMPLES / "learned.safetensors"))
+    assert (EXAMPLES / "graph_policy.safetensors").stat().st_size < 100_000
+
+
+@pytest.mark.slow
+def test_the_planner_has_learned_its_rule_and_explores_faster_than_chance(tmp_path, graph_example):
+    policy, training = graph_example
+    network = policy.GraphPolicy(str(EXAMPLES / "graph_policy.safetensors")).network
+    examples = training.demonstrations(explore_bench.Course(explore_bench.PAPER, "validate", 1), 5)
+    alike = [int(network.of(graph).argmax()) == node for graph, node in examples]
+    by_chance = [1.0 / graph.promising.sum() for graph, _ in examples]
+    assert np.mean(alike) > 0.6 > 3 * np.mean(by_chance)
+    table = explore_bench.run("smoke", [GRAPH, "random"], trials=10, results=tmp_path / "results")
+    assert (table["status"] == "explored").all()
+    steps = table.groupby("strategy")["steps"].mean()
+    assert steps.pop('GraphPolicy[weights="graph_policy.safetensors"]') < 0.9 * steps["random"]
 
 
 # A package
