@@ -29,13 +29,11 @@ class Frontiers(NamedTuple):
     number : of the frontier, 0 where the candidate lies on none, shape (C,).
     length : number of its cells times their edge [m]; of none that edge, shape (C,).
     nearest : straight distance from the robot to the nearest of its cells [m], shape (C,).
-    labels : number of the frontier of every cell of the finest map, 0 for none, shape (rows, columns).
     """
 
     number: NDArray[np.int64]
     length: Array
     nearest: Array
-    labels: NDArray[np.int64]
 
 
 def frontiers(observation: Observation) -> Frontiers:
@@ -58,7 +56,7 @@ def frontiers(observation: Observation) -> Frontiers:
     sizes[0] = 1
     number = np.array([labels.reshape(-1)[grid.cell_of(x, y)] for x, y in observation.positions.tolist()])
     straight = np.hypot(*(observation.positions - observation.pose[:2]).T)
-    return Frontiers(number, sizes[number] * grid.resolution, np.where(number > 0, nearest[number], straight), labels)
+    return Frontiers(number, sizes[number] * grid.resolution, np.where(number > 0, nearest[number], straight))
 
 
 def stands(observation: Observation) -> NDArray[np.int64]:

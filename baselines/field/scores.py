@@ -6,6 +6,7 @@ A constant of 0 turns its term off; so the controls are lines of the catalogue.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.field import terms
 from baselines.field.believed import frontiers
@@ -33,7 +34,7 @@ def best(worth: Array, lengths: Array) -> int:
     return int(np.lexsort((lengths, -np.round(worth, 9)))[0])
 
 
-def limited(worth: Array, admitted: Array) -> Array:
+def limited(worth: Array, admitted: NDArray[np.bool_]) -> Array:
     """Worth where it is admitted, −∞ elsewhere; as it is where nothing would be admitted."""
     return np.where(admitted, worth, -np.inf) if admitted.any() else worth
 
