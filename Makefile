@@ -31,6 +31,9 @@ stage: $(READY)          ## The compared methods in lidar worlds at two ranges, 
 plans: $(READY)          ## Five methods in drawn floor plans with a lidar, into results/plans; half an hour
 	@$(call suite,plans,results/plans)
 
+field: $(READY)          ## Rules of others in the paper's and in lidar worlds, into results/field and results/field-stage
+	@$(call suite,field,results/field); status=$$?; $(call suite,field-stage,results/field-stage) && exit $$status
+
 gate: $(READY)           ## Is a metric worse than results/reference tolerates? A minute, into results/gate
 	@$(BIN)/explore-bench run smoke -s nearest -s entropy -s uncertainty --trials 250 --results results/gate; \
 	  $(BIN)/explore-bench gate --results results/gate
