@@ -1,4 +1,4 @@
-"""Fill the computed parts of README.md and docs/*.md, so that no number in them is typed by hand.
+"""Fill the computed parts of README.md and docs/*.md, and write submissions/schema.json: nothing is typed by hand.
 
     python docs/fill.py [--check]
 
@@ -29,6 +29,7 @@ from explore_bench.analysis.paired import paired
 from explore_bench.analysis.tables import seed_means
 from explore_bench.report.tables import signed_text
 from explore_bench.runs.perf import read_json, text
+from explore_bench.runs.submission.manifest import schema
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.snapshot import FINE_COLUMNS, REPLAY_COLUMNS
 from explore_bench.trial.steps import FINAL_COLUMNS, step_columns
@@ -39,6 +40,7 @@ STUDIES = ROOT / "docs" / "studies"
 WEIGHTS = ROOT / "baselines" / "weights"
 TOURS = ROOT / "baselines" / "reference" / "tours.csv"
 PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
+SCHEMA = "submissions/schema.json"
 STAGE_COLUMNS = (
     *("Method", "scenario", "n", "not explored", "T90 [s]", "T98 [s]", "L90 [m]", "L [m]", "D", "in vain"),
     *("e [m]", "ATE [m]", "NEES", "wall F1, 1 cell", "closures, true", "closures, false", "closures, missed", "C"),
@@ -548,10 +550,10 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     stale = []
-    for page in PAGES:
+    for page in (*PAGES, SCHEMA):
         path = ROOT / page
         before = path.read_text(encoding="utf-8")
-        after = filled(before)
+        after = filled(before) if page != SCHEMA else json.dumps(schema(), indent=1) + "\n"
         if after != before:
             stale.append(page)
             if not check:

@@ -1,7 +1,7 @@
 """Hooks of mkdocs: of which files the site is made.
 
 Pages link to one another, and to files beside `docs/`, as they lie in the repository, so that links hold on GitHub.
-The site keeps these places: it has README.md, CONTRIBUTING.md, CHANGELOG.md, the pages of `docs/`, and whatever these
+The site keeps these places: it has README.md and its like, the pages of `docs/`, and whatever these
 and further pages link to; of a folder, a page that lists its files. The API and a page of each suite are written here,
 from docstrings, `runs/suites.py` and the stored results.
 """
@@ -42,7 +42,7 @@ SCORES = ("trajectory_error", "exploration_efficiency")
 def on_files(files: Files, config: Any) -> Files:
     """Replace the files that mkdocs found by those of the site."""
     texts = {"api.md": _api(), "suites.md": _suites(), **{f"suites/{name}.md": _suite(name) for name in SUITES}}
-    waiting = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", *_pages(ROOT / "docs")]
+    waiting = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "AGENTS.md", *_pages(ROOT / "docs")]
     for name, text in texts.items():
         waiting += _linked(text, (ROOT / name).parent)
     found: set[str] = set()

@@ -21,6 +21,7 @@ from explore_bench.cli.options import DONE, INTERRUPTED, WRONG
 from explore_bench.cli.perf import perf
 from explore_bench.cli.report import report
 from explore_bench.cli.run import run
+from explore_bench.cli.submit import submit
 from explore_bench.cli.train import train
 from explore_bench.cli.verify import verify
 from explore_bench.errors import RequestError, one_line
@@ -71,5 +72,5 @@ def cli() -> None:
     """Compare robot-exploration strategies: paired, seeded trials in one simulator, tables with intervals."""
 
 
-for command in (list_, run, merge, report, verify, compare, gate, new, check, demo, train, perf):
+for command in (list_, run, merge, report, verify, compare, submit, gate, new, check, demo, train, perf):
     cli.add_command(command)

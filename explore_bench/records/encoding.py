@@ -112,6 +112,8 @@ def renamed(path: Path, spec: TrialSpec) -> bytes:
     with opened(path) as shard:
         facts = facts_of(shard, path) | {"spec": spec_values(spec)}
         table = shard.read(use_threads=False)
+    schema = _schema(spec.scenario.kind, "fine" in table.column_names)
+    table = table.select(schema.names).cast(schema)  # pyarrow names the items of a list anew
     return _encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(facts, sort_keys=True)}))
 
 

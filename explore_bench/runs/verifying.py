@@ -48,9 +48,11 @@ def verify(
     backend: str = "processes",
     timeout: float = DEFAULT_TIMEOUT,
     progress: Callable[[Outcome], None] | None = None,
+    salt: str = "",
 ) -> Verified:
     """Run stored trials again, all or a sample of so many that has the same share of everything, and compare them.
 
+    The sample is the same each time; with a `salt` it is one that follows from that, and that nobody can know before.
     The folder stays as it is. Trials that had failed for want of time or memory are left out.
 
     Raises
@@ -64,7 +66,7 @@ def verify(
         raise RequestError(
             f"results folder '{folder}' holds no trial of the present code; run some with 'explore-bench run SUITE'."
         )
-    keys = sorted(records, key=lambda key: hashlib.sha256(key.encode()).digest())[:sample]
+    keys = sorted(records, key=lambda key: hashlib.sha256(f"{salt}{key}".encode()).digest())[:sample]
     same, close = 0, 0
     different: list[tuple[TrialSpec, str]] = []
     undone: list[tuple[TrialSpec, str]] = []

@@ -1,4 +1,4 @@
-"""Every explore-bench command in README.md and docs/ is executed; `<!-- slow -->` stands before a slow block.
+"""Every explore-bench command of README.md, submissions/ and docs/ is executed, slow blocks after `<!-- slow -->`.
 
 Shell commands stand in blocks tagged `console`, each on a line that begins with `$ ` (a backslash continues it), and
 `# exits N` behind one that is to end with another exit code than 0. A block of Python or TOML whose first line is a
@@ -24,7 +24,7 @@ import pytest
 from explore_bench.cli import cli, main
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "submissions" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"(?P<slow>^<!-- slow -->\n\n?)?^```(?P<tag>\w*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"# (?P<name>[\w./-]+\.(py|toml|yml))\n")
 EXITS = re.compile(r"\s+# exits (\d+)$")
@@ -118,7 +118,7 @@ WITH_COMMANDS = [page for page in PAGES if any(not block.file for block in block
 FAST = [page for page in WITH_COMMANDS if any(not b.slow and not b.file for b in blocks(page.read_text("utf-8")))]
 
 
-@pytest.mark.parametrize("page", FAST, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", FAST, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_the_quick_commands_of_a_page_do_what_it_says(page, tmp_path):
     prepare(tmp_path)
     for block in blocks(page.read_text(encoding="utf-8")):
@@ -127,14 +127,14 @@ def test_the_quick_commands_of_a_page_do_what_it_says(page, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_all_commands_of_a_page_do_what_it_says(page, tmp_path):
     prepare(tmp_path)
     for block in blocks(page.read_text(encoding="utf-8")):
         carry_out(block, tmp_path, in_a_shell)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_no_command_stands_where_no_test_runs_it(page):
     """One in an indented block, in a block without a tag, or without its dollar sign."""
     text = page.read_text(encoding="utf-8")
@@ -144,7 +144,7 @@ def test_no_command_stands_where_no_test_runs_it(page):
         assert joined.splitlines()[0].removeprefix("$ ").strip() in {one.strip() for one in run}, line
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_commands_named_in_a_sentence_exist(page):
     """With the options that stand behind them."""
     text = FENCE.sub("", page.read_text(encoding="utf-8"))

@@ -13,7 +13,7 @@ from handmade import TINY, tiny_plan, write_plugin
 
 from explore_bench.errors import RequestError
 from explore_bench.records import encoding
-from explore_bench.records.encoding import METADATA_KEY, comparable, read_record, read_replay
+from explore_bench.records.encoding import METADATA_KEY, comparable, read_record, read_replay, renamed
 from explore_bench.records.provenance import trial_key
 from explore_bench.records.store import PROTOCOL_FILE, Store, missing
 from explore_bench.trial.landmark.step import LandmarkStep
@@ -621,6 +621,12 @@ def test_trials_of_a_plugin_that_is_gone_or_broken_are_left_out_and_counted(
         file.write_text("class Plugin(:")
     fresh_digests()
     assert store.records() == ([], 1)
+
+
+def test_a_shard_renamed_to_its_own_name_has_the_same_bytes(stored):
+    for spec in stored.specs:
+        path = stored.store.path(trial_key(spec))
+        assert renamed(path, spec) == path.read_bytes()
 
 
 def test_trials_of_a_plugin_that_was_moved_are_taken_over(store, spec, tmp_path, fresh_digests):

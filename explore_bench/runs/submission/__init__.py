@@ -1,0 +1,1 @@
+"""A submission: the trials of one strategy in one suite in a file, with its code and weights, for others to check."""
