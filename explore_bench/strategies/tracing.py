@@ -24,7 +24,8 @@ def place_of(error: BaseException, factory: str) -> str:
     -------
     The place; empty where the error came through none, as of a class that lacks a method.
     """
-    own, raised, met = _source(factory), error, set[int]()
+    own, met = _source(factory), set[int]()
+    raised: BaseException | None = error
     while own and raised is not None and id(raised) not in met:
         met.add(id(raised))
         places = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(raised.__traceback__)]

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from explore_bench.errors import RequestError, one_line
 from explore_bench.files import parse_json
 
-FORMAT = 1
+FORMAT: Literal[1] = 1
 """Version of the format of a submission."""
 
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
