@@ -94,7 +94,7 @@ def parse_json(text: str) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """Values of a YAML text of plain values: it has neither aliases nor tags.
+    """Values of a YAML text of plain values: it has neither aliases nor tags, and no key twice.
 
     Raises
     ------
@@ -112,6 +112,7 @@ def parse_yaml(text: str) -> Any:
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MOST_DEPTH:
                 raise ValueError(f"its values lie more than {MOST_DEPTH} deep; flatten them")
+        _require_single_keys(yaml.compose(text, Loader=yaml.SafeLoader))
         try:
             values = yaml.safe_load(text)
         except ValueError as error:  # a date that is none, an integer of thousands of digits
@@ -121,6 +122,21 @@ def parse_yaml(text: str) -> Any:
         where = f" in line {mark.line + 1}" if mark else ""
         raise ValueError(f"it is not YAML{where}; write lines like resolution: 0.05") from None
     return bounded(values)
+
+
+def _require_single_keys(node: Any) -> None:
+    """Refuse a YAML node in which a key stands twice: the parser would take the last one in silence."""
+    kind = getattr(node, "id", "")
+    lines: dict[Any, int] = {}
+    for key, value in node.value if kind == "mapping" else ():
+        line = key.start_mark.line + 1
+        if key.id == "scalar" and key.value in lines:
+            name = one_line(key.value, 40)
+            raise ValueError(f"it has the key {name} twice, in lines {lines[key.value]} and {line}; leave one")
+        lines |= {key.value: line} if key.id == "scalar" else {}
+        _require_single_keys(value)
+    for item in node.value if kind == "sequence" else ():
+        _require_single_keys(item)
 
 
 def bounded(values: Any) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from explore_bench.cli.completion import one_of, strategies
-from explore_bench.cli.options import DONE, NO, physics_of, results_option, root_option, world_options
+from explore_bench.cli.options import DONE, NO, physics_of, results_option, root_option, tell_map, world_options
 from explore_bench.errors import RequestError, one_line
 
 MAX_WORLDS = 100_000
@@ -38,6 +38,7 @@ def demo(
     scenario: str | None,
     map_: str | None,
     resolution: float | None,
+    cell_size: float | None,
     output: Path | None,
     results: Path,
 ) -> int:
@@ -45,7 +46,7 @@ def demo(
     from explore_bench.report.demo import draw_trial
     from explore_bench.runs.suites import plan
 
-    physics, kept_as = physics_of(scenario, map_, resolution)
+    physics, kept_as, given = physics_of(scenario, map_, resolution, cell_size)
     asked = plan("smoke", [strategy], [] if size is None else [size], 1, seed, physics, kept_as)
     if not asked.specs:
         raise RequestError(f"strategy '{strategy}' is not trained; choose one that 'explore-bench list' calls ready.")
@@ -53,6 +54,7 @@ def demo(
     size = spec.scenario.size
     shown = re.sub(r"[^\w.=-]+", "_", spec.strategy).rstrip("_")
     path = output or results / f"demo-{shown}-{size:g}m-{trial}.gif"
+    tell_map(given)
     record = draw_trial(spec, path)
     steps = record.steps["step"][-1]
     click.echo(f"{spec.strategy}, {size:g} m, world {trial}: {record.status} after {steps} steps; {path}")

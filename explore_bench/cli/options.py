@@ -16,6 +16,7 @@ from explore_bench.cli.completion import maps, one_of, scenarios
 from explore_bench.errors import RequestError, one_line
 
 if TYPE_CHECKING:
+    from explore_bench.world.maps import GivenMap
     from explore_bench.world.scenario import Scenario
 
 DONE, NO, WRONG, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
@@ -46,7 +47,7 @@ def tell_damaged(shards: Sequence[Path]) -> None:
 
 def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of a command that say in which world its trials run; see `physics_of`."""
-    own = "A world of your own: .yaml of map_server, .png, .pgm, .npy or .txt; or one of the suite 'maps'."
+    own = "A world of your own: .yaml of map_server, an image, .npy or .txt; or one of the suite 'maps'."
     pixel = "Edge of a pixel of the map [m], where its file does not say (default: a cell)."
     options = (
         click.option(
@@ -57,21 +58,39 @@ def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option("--map", "map_", metavar="FILE|NAME", shell_complete=one_of(maps, files=True), help=own),
         click.option("--resolution", type=float, metavar="M", help=pixel),
+        click.option(
+            "--cell-size", type=float, metavar="M", help="Edge of a cell of the map [m], where decisions are made."
+        ),
     )
     for option in reversed(options):
         command = option(command)
     return command
 
 
-def physics_of(scenario: str | None, map_: str | None, resolution: float | None) -> tuple[Scenario | None, str | None]:
-    """Scenario that --scenario, --map and --resolution ask for, and its name; None: the suite's own."""
-    from explore_bench.world.maps import with_map
-    from explore_bench.world.scenarios import PAPER, load_scenario
+def physics_of(
+    scenario: str | None, map_: str | None, resolution: float | None, cell_size: float | None
+) -> tuple[Scenario | None, str | None, GivenMap | None]:
+    """Scenario that the `world_options` ask for, and its name (None: the suite's own), and the map that it gives."""
+    from explore_bench.world.maps import read_map
+    from explore_bench.world.scenarios import PAPER, read_scenario
 
-    if resolution is not None and map_ is None:
-        raise RequestError(f"resolution {resolution:g} is given without a map; add --map FILE.")
-    physics = None if scenario is None else load_scenario(scenario)
+    for name, value in (("resolution", resolution), ("cell-size", cell_size)):
+        if value is not None and map_ is None:
+            raise RequestError(f"{name} {value:g} is given without a map; add --map FILE.")
+    physics, given = (None, None) if scenario is None else read_scenario(scenario)
     if map_ is not None:
-        physics = with_map(physics or PAPER, map_, resolution)
+        given = read_map(physics or PAPER, map_, resolution, cell_size)
+        physics = given.scenario
     names = [Path(name).name for name in (scenario, map_) if name is not None]
-    return physics, ", ".join(names) or None
+    return physics, ", ".join(names) or None, given
+
+
+def tell_map(given: GivenMap | None) -> None:
+    """Print what was understood of a map, where one is given."""
+    from explore_bench.trial.seeding import stream
+    from explore_bench.world.kinds import draw_world
+    from explore_bench.world.maps.account import account
+
+    if given is not None:
+        world = draw_world(given.scenario, stream("evaluate", 0, given.scenario.size, 0, "world"))
+        click.echo("\n  ".join((f"map {one_line(given.name)}:", *account(given, world))))

@@ -19,6 +19,7 @@ from explore_bench.cli.options import (
     results_option,
     root_option,
     tell_damaged,
+    tell_map,
     world_options,
 )
 from explore_bench.errors import RequestError, one_line
@@ -26,6 +27,7 @@ from explore_bench.errors import RequestError, one_line
 if TYPE_CHECKING:
     from explore_bench.runs.suites import Plan
     from explore_bench.trial.spec import Outcome
+    from explore_bench.world.maps import GivenMap
 
 
 @click.command()
@@ -70,6 +72,7 @@ def run(
     scenario: str | None,
     map_: str | None,
     resolution: float | None,
+    cell_size: float | None,
     seed: int,
     results: Path,
     dry_run: bool,
@@ -81,16 +84,17 @@ def run(
         raise RequestError("timeout is nan; give the seconds that one trial may take.")
     if memory is not None and math.isnan(memory):
         raise RequestError("memory is nan; give the GiB that one trial may allocate.")
-    physics, kept_as = physics_of(scenario, map_, resolution)
+    physics, kept_as, given = physics_of(scenario, map_, resolution, cell_size)
     asked = plan(suite, names, sizes, trials, seed, physics, kept_as)
     if not asked.specs:
         click.echo(f"nothing to run: not trained: {', '.join(asked.untrained)}")
         return INCOMPLETE
-    return _run(asked, results, seed, workers, backend, scheduler, timeout, memory, dry_run)
+    return _run(asked, given, results, seed, workers, backend, scheduler, timeout, memory, dry_run)
 
 
 def _run(
     asked: Plan,
+    given: GivenMap | None,
     results: Path,
     seed: int,
     workers: int | None,
@@ -114,6 +118,7 @@ def _run(
         store.take(asked.specs)
     to_do = list(missing(store, asked.specs))
     stored = len(asked.specs) - len(to_do)
+    tell_map(given)
     click.echo(
         f"plan: {len(asked.specs)} trials, {stored} stored, {len(to_do)} to do with {workers} workers"
         + (f", about {_duration(expected_seconds(store.folder, to_do) / workers)}" if to_do else "")

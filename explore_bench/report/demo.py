@@ -1,4 +1,4 @@
-"""One trial to look at: a picture of its last decision, an animation of all, or a page that plays it."""
+"""One trial to look at: a picture of its end, an animation of all decisions, or a page that plays it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SUFFIXES = (".gif", ".png", ".svg", ".html")
 
 
 def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
-    """Run a trial and draw it: .png or .svg (its last decision), .gif (every decision and the end), .html (a player).
+    """Run a trial and draw it: .png or .svg (its end), .gif (every decision and the end), .html (a player).
 
     The reason of the record that is returned names the place in the strategy's source where it raised.
 
@@ -35,7 +35,8 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
     ------
     RequestError : for another suffix, a file that cannot be written, or a trial that failed before any decision.
     """
-    if path.suffix not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in {', '.join(SUFFIXES)}.")
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
@@ -47,15 +48,15 @@ def draw_trial(spec: TrialSpec, path: Path) -> TrialRecord:
             raise RequestError(f"strategy '{spec.strategy}' failed before any decision: {record.reason}.")
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".html":
+        if suffix == ".html":
             write_page(Content(store, [record], trial_table([record]), ()), path)
             return record
     with styled():
         figure = plt.figure(figsize=(7.0, 4.9))
-        if path.suffix == ".gif":
+        if suffix == ".gif":
             _animate(figure, record, replay, path)
         else:
-            _draw(figure, record, replay, max(len(replay.steps) - 2, 0))
+            _draw(figure, record, replay, len(replay.steps) - 1)
             save(figure, path)
     return record
 

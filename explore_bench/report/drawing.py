@@ -103,12 +103,13 @@ def save(figure: Figure, path: Path) -> None:
     ------
     RequestError : where the file cannot be written or the suffix is none of .png and .svg.
     """
-    if path.suffix not in (".png", ".svg"):
+    suffix = path.suffix.lower()
+    if suffix not in (".png", ".svg"):
         raise RequestError(f"output '{path}' has the suffix '{path.suffix}'; end it in .png, .svg or .gif.")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     drawn = io.BytesIO()
-    if path.suffix == ".png":
+    if suffix == ".png":
         figure.savefig(drawn, format="png", metadata={"Software": None})
         write_whole(path, drawn.getvalue())
     else:

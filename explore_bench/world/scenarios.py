@@ -10,7 +10,7 @@ from explore_bench.errors import RequestError, unknown
 from explore_bench.files import parse_toml, read_text
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.lidar.constants import LidarScenario
-from explore_bench.world.maps import gallery, with_map
+from explore_bench.world.maps import GivenMap, drawn_map, gallery, read_map
 from explore_bench.world.scenario import Scenario
 
 PAPER = LandmarkScenario()
@@ -53,20 +53,25 @@ SCENARIOS: dict[str, tuple[Scenario, str]] = {
 
 
 def load_scenario(name_or_file: str) -> Scenario:
-    """Scenario of a registered name or of a TOML file.
+    """Scenario of a registered name or of a TOML file; see `read_scenario`."""
+    return read_scenario(name_or_file)[0]
+
+
+def read_scenario(name_or_file: str) -> tuple[Scenario, GivenMap | None]:
+    """Scenario of a registered name or of a TOML file, and the map that it gives.
 
     A file holds constants by name, and may start from a named scenario, `extends = "chen2020"` (default: paper), or
     from the usual constants of a kind of world, `kind = "landmark"`. Its `map` is a list of rows, or a map of the
-    gallery or a file for `maps.with_map`, found from where the TOML file lies, with `resolution` [m] beside it.
+    gallery or a file for `maps.read_map`, found from where the TOML file lies, with `resolution` [m] beside it.
 
     Raises
     ------
     RequestError : for an unknown name, an unreadable or foreign file, an unknown key or a value out of range.
     """
     if name_or_file in SCENARIOS:
-        return SCENARIOS[name_or_file][0]
+        return SCENARIOS[name_or_file][0], None
     path = Path(name_or_file)
-    if path.suffix != ".toml":
+    if path.suffix.lower() != ".toml":
         raise unknown("scenario", name_or_file, SCENARIOS)
     values = _values(path)
     extended = values.pop("extends", None if "kind" in values else "paper")
@@ -91,14 +96,15 @@ def _values(path: Path) -> dict[str, Any]:
         raise RequestError(f"scenario file '{path}': {error}.") from None
 
 
-def _built(base: Scenario, values: dict[str, Any], folder: Path) -> Scenario:
-    """Scenario of a file's values; `map` as text names a map."""
+def _built(base: Scenario, values: dict[str, Any], folder: Path) -> tuple[Scenario, GivenMap | None]:
+    """Scenario of a file's values, and its map; `map` as text names one."""
     file = values.get("map")
     if not isinstance(file, str):
-        return base.replace(**values)
+        made = base.replace(**values)
+        return made, None if made.map is None else drawn_map(made)
     resolution = values.pop("resolution", None)
     if resolution is not None and (isinstance(resolution, bool) or not isinstance(resolution, int | float)):
         raise RequestError(f"scenario key 'resolution' is {resolution!r}; give the metres that a pixel is wide.")
     del values["map"]
-    mapped = with_map(base.replace(**values), file if file in gallery() else folder / file, resolution)
-    return mapped.replace(size=values["size"]) if "size" in values else mapped
+    given = read_map(base.replace(**values), file if file in gallery() else folder / file, resolution)
+    return given.scenario.replace(size=values["size"]) if "size" in values else given.scenario, given

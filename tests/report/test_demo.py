@@ -25,6 +25,25 @@ def test_a_trial_is_drawn_and_its_record_returned(tmp_path, suffix):
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize("suffix", [".PNG", ".Svg", ".HTML"])
+def test_a_suffix_may_be_of_capitals(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    draw_trial(SPEC, path)
+    lower = tmp_path / f"a{suffix.lower()}"
+    draw_trial(SPEC, lower)
+    assert path.read_bytes() == lower.read_bytes()
+
+
+def test_a_picture_is_of_the_end_of_the_trial(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("explore_bench.report.demo.draw_scene", lambda axes, scene: drawn.append(scene))
+    monkeypatch.setattr("explore_bench.report.demo.scene_legend", lambda scene: [])
+    record = draw_trial(SPEC, tmp_path / "a.png")
+    [scene] = drawn
+    assert len(scene.steps["step"]) == len(record.steps["step"])
+    assert scene.steps["explored"][-1] >= SPEC.scenario.coverage
+
+
 def test_an_animation_has_a_frame_a_decision_and_a_second_of_the_end(tmp_path):
     record = draw_trial(SPEC, tmp_path / "a.gif")
     shown, frames = 0, set()

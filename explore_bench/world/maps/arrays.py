@@ -7,7 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from explore_bench.files import require_file
-from explore_bench.world.maps.raster import MAX_PIXELS, OCCUPIED_PIXEL, Raster, check_pixels, classified
+from explore_bench.world.maps.raster import (
+    FREE_BELOW,
+    MAX_PIXELS,
+    OCCUPIED_ABOVE,
+    OCCUPIED_PIXEL,
+    Raster,
+    between,
+    check_pixels,
+    classified,
+)
 
 MAX_BYTES = 16 * MAX_PIXELS + 10_000
 
@@ -46,4 +55,6 @@ def read_array(path: Path, resolution: float) -> Raster:
         )
     if largest > 1:
         values /= np.float32(100.0)
-    return Raster(classified(values), resolution)
+    pixels = classified(values)
+    notes = between(values, pixels, "probability", f"below {FREE_BELOW:g}", f"above {OCCUPIED_ABOVE:g}")
+    return Raster(pixels, resolution, notes=notes)

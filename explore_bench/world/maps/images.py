@@ -9,9 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_bench.files import require_file
-from explore_bench.world.maps.raster import FREE_PIXEL, MAX_PIXELS, Raster, check_pixels, classified
+from explore_bench.world.maps.raster import (
+    FREE_BELOW,
+    FREE_PIXEL,
+    MAX_PIXELS,
+    OCCUPIED_ABOVE,
+    Raster,
+    between,
+    check_pixels,
+    classified,
+)
 
-FORMATS = ("PNG", "PPM", "BMP")
+FORMATS = ("PNG", "PPM", "BMP", "JPEG", "GIF")
+"""As pillow names them; PPM is PGM and PBM, too. Of an animation the first picture is the map."""
+
+SUFFIXES = (".png", ".pgm", ".pbm", ".ppm", ".pnm", ".bmp", ".jpg", ".jpeg", ".gif")
 MAX_BYTES = 8 * MAX_PIXELS
 
 
@@ -25,17 +37,27 @@ def read_image(path: Path, resolution: float) -> Raster:
     ------
     OSError, ValueError : for a file that cannot be read, is damaged or too large, or has two red dots.
     """
-    values, colors = load(path)
-    pixels = classified((255.0 - values) / 255.0)
+    levels, colors, _ = load(path)
+    levels[colors[..., 3] == 0] = np.nan
+    pixels = classified((255.0 - levels) / 255.0)
     red = (colors[..., 0] >= 200) & (colors[..., 1:3].max(axis=-1) <= 60) & (colors[..., 3] > 0)
     pixels[red] = FREE_PIXEL
-    return Raster(pixels, resolution, start=_start(red, resolution))
+    notes = grey_notes(levels, pixels, 255.0 * (1.0 - FREE_BELOW), 255.0 * (1.0 - OCCUPIED_ABOVE))
+    return Raster(pixels, resolution, start=_start(red, resolution), notes=notes)
 
 
-def load(path: Path) -> tuple[NDArray[np.floating], NDArray[np.uint8]]:
-    """Values from 0 (black) to 255, NaN where transparent, shape (h, w), and colours RGBA, shape (h, w, 4).
+def grey_notes(
+    levels: NDArray[np.floating], pixels: NDArray[np.uint8], free: float, occupied: float
+) -> tuple[str, ...]:
+    """Sentences on levels of grey that read as unknown, between the level that is `free` and that is `occupied`."""
+    to_free, to_occupied = ("brighter", "darker") if free > occupied else ("darker", "brighter")
+    return between(levels, pixels, "grey", f"{to_free} than {free:.0f}", f"{to_occupied} than {occupied:.0f}")
 
-    A value is the mean of the colours, as map_server takes it.
+
+def load(path: Path) -> tuple[NDArray[np.floating], NDArray[np.uint8], bool]:
+    """Levels from 0 (black) to 255, shape (h, w), colours RGBA, shape (h, w, 4), and whether the image has alpha.
+
+    A level is the mean of red, green and blue.
 
     Raises
     ------
@@ -56,12 +78,12 @@ def load(path: Path) -> tuple[NDArray[np.floating], NDArray[np.uint8]]:
         check_pixels(*image.size)
         try:
             deep = np.asarray(image, dtype=np.float32) / np.float32(257.0) if image.mode.startswith("I") else None
+            has_alpha = image.has_transparency_data
             colors = np.asarray(image.convert("RGBA"))
         except Exception as error:  # pillow raises nearly anything on a damaged file
             raise ValueError(_damaged(path, error)) from None
-    values = colors[..., :3].mean(axis=-1, dtype=np.float32) if deep is None else deep
-    values[colors[..., 3] == 0] = np.nan
-    return values, colors
+    levels = colors[..., :3].mean(axis=-1, dtype=np.float32) if deep is None else deep
+    return levels, colors, has_alpha
 
 
 def _damaged(path: Path, error: Exception) -> str:

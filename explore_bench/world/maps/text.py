@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,16 @@ def read_text(path: Path, resolution: float) -> Raster:
     ------
     OSError, ValueError : for a file that cannot be read, or holds something else.
     """
-    rows = text_of(path).splitlines()
+    return raster_of(text_of(path).splitlines(), resolution)
+
+
+def raster_of(rows: Sequence[str], resolution: float) -> Raster:
+    """Map of rows of text, the first the northernmost; see `read_text`.
+
+    Raises
+    ------
+    ValueError : for no characters, too many, another one, or a second start.
+    """
     width = max(map(len, rows), default=0)
     check_pixels(width, len(rows))
     strange = sorted(set("".join(rows)) - _PIXELS.keys())

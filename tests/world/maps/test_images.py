@@ -45,6 +45,23 @@ def test_dark_is_an_obstacle_bright_is_free_and_grey_is_unknown(image, mode, nam
     assert (raster.resolution, raster.origin, raster.start) == (0.1, (0.0, 0.0), None)
 
 
+@pytest.mark.parametrize("name", ["map.jpg", "map.jpeg", "map.gif", "map.bmp", "map.ppm", "map.pbm"])
+def test_other_kinds_of_images_are_read(image, name):
+    wall = np.repeat(np.repeat(np.array([[0, 255]], dtype=np.uint8), 16, axis=0), 16, axis=1)
+    raster = read_image(image(wall, "1" if name == "map.pbm" else "RGB", name), 1.0)
+    assert raster.pixels[8, [4, 28]].tolist() == [OCCUPIED_PIXEL, FREE_PIXEL]
+
+
+def test_levels_between_free_and_occupied_are_named_by_their_share(image):
+    [note] = read_image(image(np.array([[0, 127, 195, 208]], dtype=np.uint8)), 1.0).notes
+    assert note.startswith(
+        "grey 127 (25.0 % of the pixels), 195 (25.0 % of the pixels): between free (brighter than 205)"
+    )
+    assert read_image(image(np.array([[0, 205, 254, 255]], dtype=np.uint8)), 1.0).notes == ()
+    [many] = read_image(image(np.array([[100, 110, 120, 130, 140]], dtype=np.uint8)), 1.0).notes
+    assert "and 2 more levels" in many
+
+
 @pytest.mark.parametrize("name", ["map.png", "map.pgm"])
 def test_sixteen_bits_are_read_as_eight(image, tmp_path, name):
     deep = LEVELS.astype(np.uint16) * 257
@@ -90,8 +107,9 @@ def test_two_red_dots_are_refused(image):
     ("content", "named"),
     [
         (b"", "'map.png' is no whole image"),
-        (b"hello", "none of PNG, PPM, BMP"),
-        (b"GIF89a" + bytes(30), "none of PNG, PPM, BMP"),
+        (b"hello", "none of PNG, PPM, BMP, JPEG, GIF"),
+        (b"GIF89a" + bytes(30), "'map.png' is no whole image"),
+        (b"RIFF\x00\x00\x00\x00WEBP", "none of PNG, PPM, BMP, JPEG, GIF"),
         (b"P5\n8 6\n255\nabc", "'map.png' is no whole image"),
         (header(8, 8)[:45], "'map.png' is no whole image"),
         (header(5001, 5001), "5001 × 5001 pixels, more than 25,000,000"),

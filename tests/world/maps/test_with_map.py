@@ -73,7 +73,8 @@ def test_a_map_takes_the_place_of_the_size_and_of_another_map(files):
     ("name", "resolution", "named"),
     [
         ("gone.png", None, "cannot be read (No such file or directory)"),
-        ("rooms.jpg", None, "neither a file in .yaml, .yml, .png, .pgm, .npy, .txt nor one of the gallery (cave, "),
+        ("rooms.dwg", None, "neither a file in .yaml, .yml, .png, .pgm, .pbm, "),
+        ("rooms.dwg", None, ".npy, .txt nor one of the gallery (cave, "),
         ("rooms.yaml", 0.1, "resolution 0.1 is given, but the file has its own"),
         ("rooms.png", -1.0, "resolution is -1; give the metres"),
         ("rooms.png", float("nan"), "resolution is nan"),
