@@ -33,6 +33,8 @@ def caption(name: str) -> str:
             "Lidar worlds. Way driven until 90 % of the map are known, and time until 98 %: means over worlds with "
             f"{CONFIDENCE:.0%} bootstrap intervals. Further left is better."
         )
+    if name == "ways":
+        return "The map, and the true ways of the strategies through it in one world; light grey does not count."
     if name.startswith("times-"):
         return (
             f"Times to coverage at {name.removeprefix('times-').removesuffix('m')} m: the share of trials that do not "

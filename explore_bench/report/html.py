@@ -94,6 +94,7 @@ def render_page(content: Content) -> str:
         summary=_summary(content.records, names),
         scenario=content.records[0].spec.scenario,
         of_paper=of_paper(content.trials),
+        given=all(record.spec.scenario.map is not None for record in content.records),
         gaps=gaps(content.trials, content.stale),
         sections=content.sections,
         strategies=[{"label": shown_name(name), "color": entry_of(name).color} for name in names],
@@ -136,11 +137,15 @@ def _summary(records: Sequence[TrialRecord], names: Sequence[str]) -> str:
     sizes = [f"{size:g}" for size in sorted({record.spec.scenario.size for record in records})]
     worlds = len({record.spec.trial for record in records})
     which = " and ".join([", ".join(sizes[:-1]), sizes[-1]] if len(sizes) > 1 else sizes)
-    return (
+    what = (
         f"{_counted(len(names), 'strategy', 'strategies')} for exploring an unknown map, compared in "
-        f"{_counted(len(records), 'simulated trial', 'simulated trials')} on {_counted(worlds, 'world', 'worlds')} "
-        f"of each size: {which} m."
+        f"{_counted(len(records), 'simulated trial', 'simulated trials')}"
     )
+    first, maps = records[0].spec, {record.spec.scenario.map for record in records}
+    if first.scenario.map is not None and len(maps) == 1:
+        draws = _counted(worlds, "draw", "draws")
+        return f"{what} in one given map, '{first.scenario_name}', {which} m wide, with {draws} of start and noise."
+    return f"{what} on {_counted(worlds, 'world', 'worlds')} of each size: {which} m."
 
 
 def _counted(count: int, one: str, many: str) -> str:

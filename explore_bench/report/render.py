@@ -19,10 +19,10 @@ from explore_bench.report.drawing import save_all, showing, styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.pages.claims import claims_section, examined, overview, write_claims
-from explore_bench.report.pages.maps import write_map_report
+from explore_bench.report.pages.maps import maps_figure, write_map_report
 from explore_bench.report.pages.sensitivity import write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
-from explore_bench.report.tables import Table, kind_tables, report_tables, write_tables
+from explore_bench.report.tables import PAPER_TABLES, SUFFIXES, Table, kind_tables, report_tables, write_tables
 from explore_bench.world.kinds import kind_of
 
 
@@ -97,13 +97,24 @@ def _write_all(
     if trials["scenario"].nunique() == 1:
         only = str(trials["scenario"].iloc[0])
         tables, claims = ({key: table.naming(only) for key, table in made.items()} for made in (tables, claims))
+    for other in {"means", *PAPER_TABLES} - tables.keys():  # of an earlier report, of other trials
+        for suffix in SUFFIXES:
+            (folder / "tables" / f"{other}{suffix}").unlink(missing_ok=True)
     files += write_tables(claims | tables, folder / "tables")
     files += write_figures(store, [record for record in records if counts(record)], folder / "figures")
+    files += _write_ways(records, folder / "figures" / "ways")
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
     page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale)
     return [*files, write_page(page, folder / "report.html")]
+
+
+def _write_ways(records: list[TrialRecord], stem: Path) -> list[Path]:
+    """Draw the ways through a given map, if all trials ran in one."""
+    one = records[0].spec.scenario.map is not None and len({record.spec.scenario.map for record in records}) == 1
+    with styled():
+        return save_all(maps_figure([record for record in records if counts(record)]) if one else None, stem)
 
 
 def _write_kind_figures(records: list[TrialRecord], trials: pd.DataFrame, folder: Path) -> list[Path]:

@@ -25,6 +25,7 @@ PAPER_TABLES = {
     "table2": "Table 2. Trajectory error e and exploration efficiency η of the compared methods",
     "table3": "Table 3. Trajectory error e and exploration efficiency η of Graph-STNN and its ablations",
 }
+SUFFIXES = (".md", ".csv", ".tex")
 PAPER_METRICS = ("trajectory_error", "exploration_efficiency")
 PAIRED_METRICS = (*PAPER_METRICS, "t90")
 DETAIL_METRICS = (
@@ -110,8 +111,8 @@ class Table:
     def write(self, folder: Path, name: str) -> list[Path]:
         """Write name.md, name.csv and name.tex."""
         folder.mkdir(parents=True, exist_ok=True)
-        files = {".md": self.markdown(), ".csv": self.csv(), ".tex": self.latex()}
-        return [write_whole(folder / f"{name}{suffix}", text) for suffix, text in files.items()]
+        texts = self.markdown(), self.csv(), self.latex()
+        return [write_whole(folder / f"{name}{suffix}", text) for suffix, text in zip(SUFFIXES, texts, strict=True)]
 
 
 def escape(text: str) -> str:
@@ -122,14 +123,24 @@ def escape(text: str) -> str:
 def report_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Table]:
     """Tables by the names of their files: e and η, the details of every strategy and the paired differences.
 
-    e and η stand in the paper's tables, beside what it prints, where the trials are of its scenario; of every strategy
-    together where the scenario is another, or a strategy is in no table.
+    e and η stand in a table of the paper, beside what it prints, where all methods that it prints ran in its scenario
+    (those without weights aside); in one of what was run where there is none, or it has no row of some strategy.
     """
-    made = {"means": means_table(trials, summary)}
-    if of_paper(trials):
-        means = made if any(not entry_of(name).tables for name in set(trials["strategy"])) else {}
-        made = {name: paper_table(name, title, summary) for name, title in PAPER_TABLES.items()} | means
+    ran = set(trials["strategy"])
+    complete = [name for name in PAPER_TABLES if of_paper(trials) and _printed(name) <= ran]
+    made = {name: paper_table(name, PAPER_TABLES[name], summary) for name in complete}
+    if any(not set(complete) & set(entry_of(name).tables) for name in ran):
+        made["means"] = means_table(trials, summary)
     return made | {"details": details_table(trials, summary), "paired": paired_table(trials)}
+
+
+def _printed(table: str) -> set[str]:
+    """Strategies that can run, and of which a table of the paper prints values."""
+    return {
+        name
+        for name, entry in strategies().items()
+        if entry.ready and any(printed == table for printed, _, _ in entry.published)
+    }
 
 
 def kind_tables(records: Iterable[TrialRecord], trials: pd.DataFrame) -> dict[str, Table]:
@@ -179,7 +190,7 @@ def paper_table(name: str, title: str, summary: pd.DataFrame) -> Table:
 
 
 def means_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
-    """E and η of every strategy and size, without what the paper prints."""
+    """E and η of every strategy and size that was run."""
     header = ("Method", "size [m]", "n", "trials not explored", *(heading(METRICS[name]) for name in PAPER_METRICS))
     rows, scopes = [], []
     unique = summary.drop_duplicates(["strategy", "size", "metric"])

@@ -786,7 +786,7 @@ def test_a_report_simulates_nothing(call, own_store, monkeypatch):
     code, out, err = call("report", "--results", own_store.folder)
     assert code == 0, err
     assert "from 9 trials" in out
-    for name in ("trials.csv", "summary.csv", "tables/table2.md", "tables/table3.tex", "tables/details.csv"):
+    for name in ("trials.csv", "summary.csv", "tables/means.md", "tables/paired.tex", "tables/details.csv"):
         assert (own_store.folder / name).stat().st_size > 0, name
 
 
@@ -933,7 +933,9 @@ def test_a_map_from_a_file_is_the_world_of_a_run_and_of_its_demo(call, refused, 
     assert set(trials["scenario"]) == {"ring.txt"}
     assert set(trials["size"]) == {20.0}
     assert call("report", "--results", tmp_path / "own")[0] == 0
-    assert (tmp_path / "own" / "report.html").is_file()
+    page = (tmp_path / "own" / "report.html").read_text(encoding="utf-8")
+    assert "explore-bench demo STRATEGY --map FILE --trial WORLD" in page
+    assert (tmp_path / "own" / "figures" / "ways.png").is_file()
     assert "'paper'" in refused(*own)
     picture = tmp_path / "ring.png"
     code, out, _ = call("demo", "nearest", "--map", file, "--scenario", tiny, "--trial", 1, "--output", picture)

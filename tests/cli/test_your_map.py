@@ -150,7 +150,7 @@ def test_a_lidar_world_tells_how_much_a_robot_reaches_and_what_keeps_it_out(tmp_
     pixels[90:102, 120:122] = FREE  # 0.6 m
     code, lines = told(tmp_path, capsys, pixels, "--scenario", "stage")
     assert code == 0
-    assert re.match(r"a robot of 0.22 m that wants 0.4 m to either side reaches 5\d % of the free 9[56] m²", lines[2])
+    assert re.match(r"a robot of 0.22 m that wants 0.4 m to either side reaches 6\d % of the free 9[56] m²", lines[2])
     assert any("behind a passage of less than 0.8 m does not count" in line for line in lines)
 
 

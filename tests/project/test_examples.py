@@ -58,8 +58,8 @@ def test_the_file_of_the_readme_is_in_the_smoke_tables_in_under_a_minute(tmp_pat
         assert found.returncode == 0, found.stderr
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 60.0
-    [row] = [row for row in (tmp_path / "mine/tables/table2.md").read_text().splitlines() if row.startswith("| Mine ")]
-    assert row.startswith("| Mine | 4/0 |")
+    [row] = [row for row in (tmp_path / "mine/tables/means.md").read_text().splitlines() if row.startswith("| Mine ")]
+    assert row.startswith("| Mine | 20 | 4 | 0 |")
     assert re.search(r"\| \d\.\d+ \[\d\.\d+, \d\.\d+\] \|", row), "a mean with its interval"
     assert "Mine" in (tmp_path / "mine/report.html").read_text()
     assert (tmp_path / "mine/figures/figure-10b.svg").exists()
@@ -274,7 +274,7 @@ def test_the_package_is_installed_runs_is_reported_and_keeps_the_contract(tmp_pa
     assert set(table["status"]) == {"explored"}
     assert set(table["strategy"]) == {"next-best-view", "next-best-view[decay=0.5]", "largest-view"}
     labels = ("Next-best view", "Next-best view [decay=0.5]", "Largest view")
-    for name in ("tables/table2.md", "tables/table3.md", "tables/details.md", "tables/paired.md", "report.html"):
+    for name in ("tables/means.md", "tables/details.md", "tables/paired.md", "report.html"):
         text = (results / name).read_text()
         assert all(label in text for label in labels), name
     claims = (results / "claims.md").read_text()

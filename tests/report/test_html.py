@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from handmade import record, with_spec
+from handmade import HALLS, TINY, record, with_spec
 
 from explore_bench.analysis.tables import summary_table, trial_table
 from explore_bench.records.store import Store
@@ -21,7 +21,7 @@ from explore_bench.report.markup import header_groups
 from explore_bench.report.origin import commit, origin_tables, processor
 from explore_bench.report.pages.training import TRAINING_FIGURES, VALIDATION_FIGURES
 from explore_bench.report.render import write_report
-from explore_bench.report.tables import Scope, Table, report_tables
+from explore_bench.report.tables import PAPER_TABLES, Scope, Table, paper_table, report_tables
 from explore_bench.strategies.registry import strategies
 
 HOSTILE = '</script><script>alert("x")</script><b>$\\frac&amp;'
@@ -110,14 +110,13 @@ def test_the_page_has_every_table_with_every_cell(content, page):
         assert rows[-len(table.rows) :] == [list(row) for row in table.rows]
 
 
-def test_numbers_are_those_of_the_summary_in_the_tables_of_the_paper(trained):
-    trained(0)
+def test_numbers_are_those_of_the_summary():
     records = [record(trial=i, scenario=SIZE20, uncertainty=[200.0, 50.0 + 7 * i, 20.0 + i]) for i in range(4)]
     summary = summary_table(trial_table(records))
     own = summary[(summary["table"] == "table2") & (summary["n"] > 0)].set_index("metric")
-    table = report_tables(trial_table(records), summary)["table2"]
+    table = report_tables(trial_table(records), summary)["means"]
     [row] = [row for row in Page(render_bare(records)).tables[table.title] if row[0] == "Nearest"]
-    for metric, place in (("trajectory_error", 5), ("exploration_efficiency", 9)):
+    for metric, place in (("trajectory_error", 4), ("exploration_efficiency", 5)):
         line = own.loc[metric]
         mean, low, high = (f"{line[name]:.{2 if line['mean'] >= 10 else 3}f}" for name in ("mean", "ci_low", "ci_high"))
         assert row[place] == f"{mean} [{low}, {high}]"
@@ -204,10 +203,11 @@ def test_a_replay_s_scores_are_those_of_its_trial(text, content):
 # Filters
 
 
-def test_rows_and_columns_say_what_they_speak_of(text):
+def test_rows_and_columns_say_what_they_speak_of(content, text):
     assert text.count(' data-s="0"') >= 2
     assert ' data-s="0 1" data-z="12"' in text, "a paired difference"
-    assert 'data-z="40"' in text, "columns of Table 2"
+    table2 = paper_table("table2", PAPER_TABLES["table2"], summary_table(content.trials))
+    assert 'data-z="40"' in render_page(dataclasses.replace(content, tables=(table2,))), "columns of Table 2"
 
 
 def test_columns_of_one_size_share_a_heading():
@@ -316,6 +316,14 @@ def test_a_size_or_a_training_seed_that_a_strategy_skipped_is_said():
     assert not [line for line in found if "of 20 m" in line or line.startswith("Nearest")]
 
 
+def test_the_page_of_a_given_map_speaks_of_that_map():
+    mapped = TINY.replace(map=HALLS)
+    made = with_spec(record(rows=3, scenario=mapped), scenario_name="halls.txt")
+    words = " ".join(Page(render_bare([made])).words.split())
+    assert "1 simulated trial in one given map, 'halls.txt', 20 m wide, with 1 draw of start and noise." in words
+    assert "All strategies meet the same map with the same starts and the same noise" in words
+
+
 def test_the_player_says_how_to_watch_any_other_trial(page):
     assert "explore-bench demo STRATEGY --size M --trial WORLD --output trial.html" in page.words
 
@@ -404,7 +412,7 @@ def test_the_commit_is_read_from_the_checkout_where_there_is_one(tmp_path, files
 
 def test_a_report_writes_the_page_and_every_file_twice_the_same(own_store):
     first = {file: file.read_bytes() for file in write_report(own_store.folder).files}
-    assert {file.name for file in first} >= {"report.html", "summary.csv", "claims.json", "table2.md"}
+    assert {file.name for file in first} >= {"report.html", "summary.csv", "claims.json", "means.md"}
     assert first == {file: file.read_bytes() for file in write_report(own_store.folder).files}
     assert str(own_store.folder).encode() not in first[own_store.folder / "report.html"]
 

@@ -9,6 +9,7 @@ from handmade import TINY, record
 
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.report.pages.maps import maps_figure, maps_table, write_map_report
+from explore_bench.report.render import _write_ways
 from explore_bench.world.landmark.world import LandmarkWorld
 
 ERRORS = np.array([1.0, 2.0, 3.0, 5.0])
@@ -111,3 +112,19 @@ def test_table_and_figure_are_written_with_the_same_bytes_twice(trials, records,
     first = {path: path.read_bytes() for path in write_map_report(trials, records, tmp_path)}
     assert {path.name for path in first} >= {"maps.md", "maps.csv", "maps.tex", "maps.svg", "maps.png"}
     assert first == {path: path.read_bytes() for path in write_map_report(trials, records, tmp_path)}
+
+
+def test_the_ways_through_a_map_without_landmarks_have_none_in_the_legend(records):
+    bare = [
+        dataclasses.replace(one, world=dataclasses.replace(one.world, landmarks=np.empty((0, 2)))) for one in records
+    ]
+    legends = [[text.get_text() for text in maps_figure(own).legends[0].get_texts()] for own in (records, bare)]
+    assert legends == [["Random", "Nearest", "landmark"], ["Random", "Nearest"]]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_report_of_one_map_draws_the_ways_through_it_and_one_of_several_does_not(records, tmp_path, count):
+    own = [one for one in records if one.spec.scenario_name in list(MAPS)[:count]]
+    files = _write_ways(own, tmp_path / "ways")
+    assert [file.name for file in files] == (["ways.svg", "ways.png"] if count == 1 else [])
+    assert all(file.stat().st_size > 3000 for file in files)

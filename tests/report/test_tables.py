@@ -283,10 +283,39 @@ def test_tables_of_another_scenario_show_our_means_without_the_paper(trials):
     own = row_of(found["means"], "Random")
     assert (own["n"], own["trials not explored"]) == ("4", "1")
     assert row_of(found["means"], "Nearest")["trials not explored"] == "2"
-    [beside] = [row for row in report_tables(trials, summary_table(trials))["table2"].rows if row[0] == "Random"]
+    table2 = paper_table("table2", PAPER_TABLES["table2"], summary_table(trials))
+    [beside] = [row for row in table2.rows if row[0] == "Random"]
     assert [own["e [m]"], own["η [m²/step]"]] == [cell for cell in beside if "[" in cell]
     assert "paper" not in found["means"].markdown().lower()
-    assert "means" not in report_tables(trials, summary_table(trials))
+
+
+PRINTED = {"table2": ["random", "uncertainty", "entropy", "gcn-obs", "gcn-no-obs", "graph-stnn"]}
+PRINTED["table3"] = [name for name, entry in strategies().items() if any(t == "table3" for t, _, _ in entry.published)]
+
+
+@pytest.mark.parametrize("ran", [("table2",), ("table3",), ("table2", "table3")], ids="+".join)
+def test_a_table_of_the_paper_is_shown_where_all_that_it_prints_ran(ran):
+    names = {name for table in ran for name in PRINTED[table]}
+    table = trial_table([ended(100, strategy=name) for name in sorted(names)])
+    assert [
+        name for name in report_tables(table, summary_table(table)) if name in ("means", "table2", "table3")
+    ] == list(ran)
+
+
+def test_of_some_of_the_paper_s_methods_the_table_has_those_that_ran(trials):
+    found = report_tables(trials, summary_table(trials))
+    assert list(found) == ["means", "details", "paired"]
+    assert {row[0] for row in found["means"].rows} == {"Random", "Nearest", "Clairvoyant (reference)"} & {
+        shown_name(name) for name in set(trials["strategy"])
+    }
+    assert "not run" not in found["means"].markdown()
+
+
+def test_a_strategy_without_weights_keeps_no_table_of_the_paper_away(untrained):
+    untrained("gcn-obs")
+    table = trial_table([ended(100, strategy=name) for name in PRINTED["table2"] if name != "gcn-obs"])
+    found = report_tables(table, summary_table(table))
+    assert "not trained" in row_of(found["table2"], "GCN-obs").values()
 
 
 def test_a_strategy_in_no_table_stands_among_the_means_of_all_beside_the_paper_s_tables(trials):
@@ -377,7 +406,7 @@ def test_all_tables_of_the_benchmark_are_latex_without_a_bare_special_character(
 def test_writing_gives_each_table_in_three_formats(trials, tmp_path):
     files = write_tables(report_tables(trials, summary_table(trials)), tmp_path / "tables")
     assert {file.name for file in files} == {
-        f"{name}{suffix}" for name in ("table2", "table3", "details", "paired") for suffix in (".md", ".csv", ".tex")
+        f"{name}{suffix}" for name in ("means", "details", "paired") for suffix in (".md", ".csv", ".tex")
     }
     assert all(file.read_text(encoding="utf-8").strip() for file in files)
 

@@ -72,7 +72,8 @@ def maps_figure(records: Sequence[TrialRecord]) -> Figure | None:
         return None
     columns = min(COLUMNS, len(shown))
     rows = -(-len(shown) // columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(3.2 * columns, 3.4 * rows + 0.6), squeeze=False)
+    edge = 3.2 if len(shown) > 1 else 6.4
+    figure, grid = plt.subplots(rows, columns, figsize=(edge * columns, (edge + 0.2) * rows + 0.6), squeeze=False)
     for axes in grid.flat[len(shown) :]:
         axes.remove()
     for axes, (name, own) in zip(grid.flat, sorted(shown.items()), strict=False):
@@ -80,7 +81,8 @@ def maps_figure(records: Sequence[TrialRecord]) -> Figure | None:
         _draw_ways(axes, own)
     names = in_order({name for own in shown.values() for name in own})
     handles = [Line2D([], [], color=entry_of(name).color, label=shown_name(name)) for name in names]
-    handles.append(Line2D([], [], marker="+", color=LANDMARK, linestyle="none", label="landmark"))
+    if any(len(record.world.landmarks) for own in shown.values() for record in own.values()):
+        handles.append(Line2D([], [], marker="+", color=LANDMARK, linestyle="none", label="landmark"))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=8)
     figure.suptitle(f"True ways in world {first}; light grey does not count", fontsize=10)
     return figure

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from scipy import ndimage
 
 from explore_bench.world.kinds import World
 from explore_bench.world.maps import GivenMap
@@ -78,9 +81,10 @@ def _in_pixels(given: GivenMap, world: World) -> list[str]:
     """Sentences on a map that keeps its pixels, in which a robot needs room."""
     scenario, raster = given.scenario, given.raster
     free = float(np.count_nonzero(raster.pixels == FREE_PIXEL)) * raster.resolution**2
-    reached = float(np.count_nonzero(world.counted & ~world.obstacles)) * world.grid.resolution**2
-    share = min(reached / free, 1.0)
     radius, passage = (float(getattr(scenario, name)) for name in ("robot_radius", "passage"))
+    steps = math.ceil(passage / world.grid.resolution)  # corners of a room belong to it, though they do not count
+    reached = ndimage.binary_dilation(world.counted & ~world.obstacles, iterations=steps, mask=~world.obstacles)
+    share = min(float(np.count_nonzero(reached)) * world.grid.resolution**2 / free, 1.0)
     told = [
         f"a robot of {radius:g} m that wants {passage:g} m to either side reaches {_percent(share)} of the "
         f"free {free:.0f} m²",
