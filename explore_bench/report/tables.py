@@ -124,12 +124,12 @@ def report_tables(trials: pd.DataFrame, summary: pd.DataFrame) -> dict[str, Tabl
     """Tables by the names of their files: e and η, the details of every strategy and the paired differences.
 
     e and η stand in a table of the paper, beside what it prints, where all methods that it prints ran in its scenario
-    (those without weights aside); in one of what was run where there is none, or it has no row of some strategy.
+    (those without weights aside); in one of what was run where there is none, or a strategy belongs to no table.
     """
     ran = set(trials["strategy"])
     complete = [name for name in PAPER_TABLES if of_paper(trials) and _printed(name) <= ran]
     made = {name: paper_table(name, PAPER_TABLES[name], summary) for name in complete}
-    if any(not set(complete) & set(entry_of(name).tables) for name in ran):
+    if not complete or any(not entry_of(name).tables for name in ran):
         made["means"] = means_table(trials, summary)
     return made | {"details": details_table(trials, summary), "paired": paired_table(trials)}
 
