@@ -247,7 +247,7 @@ def choices(scenario: str) -> str:
         rows.append(row)
     chance = table[table["a"] != table["b"]]["chance"].mean()
     worlds = " and ".join(str(n) for n in sorted(set(table["n"])))
-    return f"{_markdown(pd.DataFrame(rows))}\n\n{worlds} worlds; by chance {100 * chance:.0f} %."
+    return f"{markdown(pd.DataFrame(rows))}\n\n{worlds} worlds; by chance {100 * chance:.0f} %."
 
 
 def _percent(pairs: pd.DataFrame) -> str:
