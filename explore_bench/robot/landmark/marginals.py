@@ -81,7 +81,8 @@ class Marginals:
         self._corner, self._corner_covariance = _solve(
             poses,
             landmarks,
-            *self._at,
+            self._at[0],
+            self._at[1],
             self._prior,
             (self._noise.bearing, self._noise.range),
             self._motions.view,
