@@ -1,8 +1,11 @@
 """Strategies asked at the same observations: with oneself, by chance, with targets, with a memory, and who fails."""
 
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from handmade import TINY, tiny_plan, write_plugin
 from lidar_worlds import SMALL
@@ -194,3 +197,19 @@ def test_a_trial_that_does_not_repeat_is_noticed():
 def test_a_wrong_request_is_refused_in_a_sentence(names, words):
     with pytest.raises(RequestError, match=words):
         agreement_of_choices(names, trials=1, scenario=TINY)
+
+
+@pytest.mark.slow
+def test_the_study_asks_any_strategies_and_writes_a_table(tmp_path):
+    """Its own command, with a strategy of a file and a lidar; a wrong request ends it with a sentence."""
+    study = Path(__file__).parents[2] / "docs" / "studies" / "choices.py"
+    asked = ["-s", "nearest", "-s", attentive(tmp_path), "--scenario", "stage", "--size", "8", "--trials", "1"]
+    command = [sys.executable, str(study), *asked, "--output", str(tmp_path / "own.csv")]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    table = pd.read_csv(tmp_path / "own.csv")
+    assert set(table["scenario"]) == {"stage"}
+    assert table[(table["a"] == "nearest") & (table["b"] == "Attentive")]["agreement"].tolist() == [1.0]
+    wrong = subprocess.run([sys.executable, str(study), "-s", "nowhere"], capture_output=True, text=True, check=False)
+    assert wrong.returncode == 1
+    assert wrong.stderr.startswith("choices: strategy 'nowhere' is unknown")
