@@ -53,7 +53,10 @@ SCENARIOS: dict[str, tuple[Scenario, str]] = {
 
 
 def load_scenario(name_or_file: str) -> Scenario:
-    """Scenario of a registered name or of a TOML file; see `read_scenario`."""
+    """Scenario of a registered name or of a TOML file.
+
+    `read_scenario` says what a file may hold, and raises where it does not.
+    """
     return read_scenario(name_or_file)[0]
 
 

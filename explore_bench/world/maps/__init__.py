@@ -25,9 +25,8 @@ GALLERY = Path(__file__).parent / "gallery"
 _READERS = dict.fromkeys(IMAGES, read_image) | {".npy": read_array, ".txt": read_text}
 _ROS = (".yaml", ".yml")
 
-_WITH_CELLS = {"path_tolerance": 0.5, "arrival_radius": 0.4, "landmark_density": 1.5}
-"""Most that constants of landmark worlds are, for each metre of a cell: a tolerance of half a cell, waypoints inside of
-theirs, and as many landmarks along a wall, beside which they stand, as in cells of 2 m."""
+_WITH_CELLS = {"path_tolerance": 0.5, "arrival_radius": 0.4}
+"""Most cells that constants of landmark worlds are: a tolerance of half a cell, and waypoints that lie in their own."""
 
 
 @dataclass(frozen=True)
@@ -126,11 +125,10 @@ def _in_cells(scenario: Scenario, cell_size: float) -> Scenario:
     if not 0 < cell_size < math.inf:
         raise ValueError(f"cell_size is {cell_size:g}; give the metres that a cell is wide")
     usual = {name: field.default for name, field in type(scenario).model_fields.items()}
-    chosen = {name.replace("_count", "_density") for name in scenario.model_fields_set}
     fitting = {
         name: min(usual[name], share * cell_size)
         for name, share in _WITH_CELLS.items()
-        if name in usual and name not in chosen
+        if name in usual and name not in scenario.model_fields_set
     }
     return scenario.replace(size=20 * cell_size, cell_size=cell_size, **fitting)
 

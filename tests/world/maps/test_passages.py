@@ -88,7 +88,7 @@ def test_the_cell_size_is_the_largest_that_keeps_passages_open(saved, width, cel
     assert scenario.cell_size == cell_size
     assert scenario.path_tolerance == 0.5 * cell_size
     assert scenario.arrival_radius == min(0.25, 0.4 * cell_size)
-    assert scenario.landmark_density == 1.5 * cell_size
+    assert scenario.landmark_density == PAPER.landmark_density, "so many per 100 cells, however large they are"
 
 
 def test_drawn_worlds_and_maps_that_2_m_keep_have_the_usual_constants(saved):
@@ -100,9 +100,9 @@ def test_a_cell_size_that_is_set_stands_and_so_do_constants_that_are(saved):
     path = saved(crossing(1.5))
     assert with_map(PAPER, path, PIXEL, 0.5).cell_size == 0.5
     assert with_map(PAPER.replace(cell_size=0.5, sensor_range=3.0, arrival_radius=0.1), path, PIXEL).cell_size == 0.5
-    own = with_map(PAPER.replace(landmark_count=3, path_tolerance=0.7), path, PIXEL)
-    assert (own.cell_size, own.landmarks, own.path_tolerance) == (1.0, 3, 0.7)
-    assert with_map(CHEN_2020.replace(planner="grid"), path, PIXEL).landmark_density == CHEN_2020.landmark_density
+    own = with_map(PAPER.replace(path_tolerance=0.7), path, PIXEL)
+    assert (own.cell_size, own.path_tolerance) == (1.0, 0.7)
+    assert with_map(CHEN_2020.replace(planner="grid"), path, PIXEL).cell_size == 1.0
 
 
 def test_a_cell_size_that_leaves_nothing_is_refused_with_the_one_that_does_not(saved):

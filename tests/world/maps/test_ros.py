@@ -147,6 +147,12 @@ def test_a_number_that_yaml_takes_for_text_is_a_number(pair):
     assert read_ros(pair(resolution="5e-2")).resolution == 0.05
 
 
+def test_a_byte_order_mark_is_no_part_of_the_first_key(pair):
+    path = pair()
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert "".join(kinds(read_ros(path))) == "##???..."
+
+
 def test_the_image_lies_where_the_yaml_lies_or_at_an_absolute_place(tmp_path, pair):
     assert read_ros(pair(image=str(tmp_path / "rooms.pgm"), mode="trinary")).pixels.shape == (1, len(GREYS))
 

@@ -29,6 +29,10 @@ def test_lines_may_end_as_windows_ends_them(drawn):
     assert cells_of(read_text(drawn("..\r\n.#\r\n"), 1.0), 1.0) == ("..", ".#")
 
 
+def test_a_byte_order_mark_is_no_character_of_the_map(drawn):
+    assert cells_of(read_text(drawn(b"\xef\xbb\xbf..\n.#\n"), 1.0), 1.0) == ("..", ".#")
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
