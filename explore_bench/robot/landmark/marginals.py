@@ -104,35 +104,25 @@ class Marginals:
     def extend(self, poses: Array) -> None:
         """Add the newest of the poses, shape (N, 3), which sighted nothing, to what is there."""
         k = len(poses) - 2
-        linearize_odometry(
-            k, poses, self._motions.view, self._sigmas.view, self._odometry_from.view, self._odometry_to.view
-        )
-        self._at = poses.copy(), self._at[1]
-        eliminate(
+        self._corner_covariance = _extend(
             k,
-            k + 1,
-            len(self._sighting_poses),
+            poses,
+            self._motions.view,
+            self._sigmas.view,
             self._odometry_from.view,
             self._odometry_to.view,
             *self._sightings,
             self._corner,
+            self._corner_covariance,
             self._pivots.view,
             self._gains.view,
             self._borders.view,
             self._widths.view,
             self._checkpoints.view,
+            self._covariances.view,
         )
+        self._at = poses.copy(), self._at[1]
         self._eliminated = k + 1
-        # x' = F x + G w, with both blocks whitened: J_to δ' + J_from δ ~ N(0, I)
-        noise = np.linalg.inv(self._odometry_to.view[k])
-        transition = -noise @ self._odometry_from.view[k]
-        old = self._corner_covariance
-        new = old.copy()
-        new[:3, 3:] = transition @ old[:3, 3:]
-        new[3:, :3] = new[:3, 3:].T
-        new[:3, :3] = transition @ old[:3, :3] @ transition.T + noise @ noise.T
-        self._corner_covariance = new
-        to_world(new, poses[-1, 2], self._covariances.view[-1])
 
     def linearization(self) -> Linearization:
         """Copy of the Jacobian blocks."""
@@ -242,3 +232,55 @@ def _solve(
     corner_covariance = invert_corner(corner)
     recover(last, corner_covariance, pivots, gains, borders, widths, poses[:, 2].copy(), covariances)
     return corner, corner_covariance
+
+
+@jit
+def _extend(
+    k: int,
+    poses: Array,
+    motions: Array,
+    sigmas: Array,
+    odometry_from: Array,
+    odometry_to: Array,
+    sighting_poses: NDArray[np.int64],
+    sighting_landmarks: NDArray[np.int64],
+    of_pose: Array,
+    of_landmark: Array,
+    corner: Array,
+    corner_covariance: Array,
+    pivots: Array,
+    gains: Array,
+    borders: Array,
+    widths: NDArray[np.int64],
+    checkpoints: Array,
+    covariances: Array,
+) -> Array:
+    """Do all of `Marginals.extend` by pose k + 1 in one call of compiled code; returns the corner's new inverse."""
+    linearize_odometry(k, poses, motions, sigmas, odometry_from, odometry_to)
+    eliminate(
+        k,
+        k + 1,
+        len(sighting_poses),
+        odometry_from,
+        odometry_to,
+        sighting_poses,
+        sighting_landmarks,
+        of_pose,
+        of_landmark,
+        corner,
+        pivots,
+        gains,
+        borders,
+        widths,
+        checkpoints,
+    )
+    # x' = F x + G w, with both blocks whitened: J_to δ' + J_from δ ~ N(0, I)
+    noise = np.linalg.solve(odometry_to[k], np.eye(3))  # the inverse, by the routine that numpy takes for it
+    transition = -np.dot(noise, odometry_from[k])
+    pose, border = np.ascontiguousarray(corner_covariance[:3, :3]), np.ascontiguousarray(corner_covariance[:3, 3:])
+    new = corner_covariance.copy()
+    new[:3, 3:] = np.dot(transition, border)
+    new[3:, :3] = new[:3, 3:].T
+    new[:3, :3] = np.dot(np.dot(transition, pose), transition.T) + np.dot(noise, noise.T)
+    to_world(new, poses[k + 1, 2], covariances[k + 1])
+    return new
