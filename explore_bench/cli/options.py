@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 DONE, NO, WRONG, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
+SCENARIO = "NAME|FILE.toml"
+"""What --scenario takes."""
+
 results_option = click.option(
     "--results",
     type=click.Path(path_type=Path),
@@ -47,15 +50,20 @@ def tell_damaged(shards: Sequence[Path]) -> None:
 
 def world_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options of a command that say in which world its trials run; see `physics_of`."""
+    command = map_options(command)
+    return click.option(
+        "--scenario",
+        metavar=SCENARIO,
+        shell_complete=one_of(scenarios, files=True),
+        help="Physical constants instead of the paper's.",
+    )(command)
+
+
+def map_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Those of world_options that are about a given map."""
     own = "A world of your own: .yaml of map_server, an image, .npy or .txt; or one of the suite 'maps'."
     pixel = "Edge of a pixel of the map [m], where its file does not say (default: a cell)."
     options = (
-        click.option(
-            "--scenario",
-            metavar="NAME|FILE.toml",
-            shell_complete=one_of(scenarios, files=True),
-            help="Physical constants instead of the paper's.",
-        ),
         click.option("--map", "map_", metavar="FILE|NAME", shell_complete=one_of(maps, files=True), help=own),
         click.option("--resolution", type=float, metavar="M", help=pixel),
         click.option(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from bisect import bisect_right
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -38,6 +39,18 @@ def scene_of(record: TrialRecord, replay: Replay, index: int) -> Scene:
     until = next((step for step in replay.steps if step > last), len(record.steps["step"]) - 1) if decided else last
     way = np.stack([record.steps[name][last : until + 1] for name in ("x", "y")], axis=1)
     return Scene(record.spec.scenario, record.world, steps, _snapshot(replay, index), way)
+
+
+def scene_at(record: TrialRecord, replay: Replay, step: int) -> Scene:
+    """Return the moment of a step: the map is that of the last decision before it, the robot has driven on."""
+    index = max(bisect_right(replay.steps, step) - 1, 0)
+    scene, since = scene_of(record, replay, index), replay.steps[index]
+    steps = {name: values[: step + 1] for name, values in record.steps.items()}
+    driven = np.stack([steps["x"][since + 1 :], steps["y"][since + 1 :]], axis=1)
+    snapshot = scene.snapshot
+    if snapshot.trajectory is not None:
+        snapshot = snapshot._replace(trajectory=[*snapshot.trajectory, *driven.ravel().tolist()])
+    return replace(scene, steps=steps, snapshot=snapshot, way=scene.way[len(driven) :])
 
 
 def _snapshot(replay: Replay, index: int) -> Snapshot:

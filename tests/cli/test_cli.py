@@ -975,6 +975,21 @@ def test_a_demo_draws_one_trial_and_writes_nothing_else(call, tmp_path, tiny, mo
     assert {path.name for path in tmp_path.iterdir()} == {"a.png", "tiny.toml"}
 
 
+def test_a_demo_of_several_strategies_draws_them_together_and_names_each(call, tmp_path, tiny):
+    names = ("nearest", "random")
+    code, out, err = call("demo", *names, "--scenario", tiny, "--size", 12, "--results", tmp_path / "demos")
+    assert code == 0, err
+    picture = tmp_path / "demos" / "demo-nearest+random-12m-0.gif"
+    assert list((tmp_path / "demos").iterdir()) == [picture]
+    assert [line.split(",")[0] for line in out.splitlines()] == list(names)
+    assert all(line.endswith(str(picture)) for line in out.splitlines())
+
+
+def test_a_demo_of_a_scenario_that_is_none_is_refused_before_anything_runs(refused, tmp_path, tiny, monkeypatch):
+    monkeypatch.setattr("explore_bench.report.demo.run_trial", lambda spec: pytest.fail("a trial was run for nothing"))
+    assert "nowhere" in refused("demo", "nearest", "--scenario", tiny, "--scenario", "nowhere")
+
+
 def test_a_demo_of_a_strategy_with_parameters_has_a_file_name_that_any_shell_takes(call, tmp_path, tiny, monkeypatch):
     monkeypatch.chdir(tmp_path)
     asked = "entropy[alpha=0.5]"

@@ -1,6 +1,8 @@
 """One trial to look at: pictures and animations, and what cannot be drawn."""
 
 import dataclasses
+import json
+import re
 import subprocess
 import sys
 
@@ -9,7 +11,9 @@ from handmade import TINY, tiny_plan, write_plugin
 from PIL import Image
 
 from explore_bench.errors import RequestError
-from explore_bench.report.demo import FRAMES_PER_SECOND, draw_trial
+from explore_bench.report import side_by_side
+from explore_bench.report.demo import FRAMES_PER_SECOND, draw_trial, draw_trials
+from explore_bench.report.moment import scene_at
 from explore_bench.trial.run import run_trial
 
 SPEC = tiny_plan(["nearest"], trials=1)[0]
@@ -110,3 +114,61 @@ def test_the_trial_that_is_drawn_is_the_one_of_the_run(tmp_path, stored):
 def test_a_trial_of_other_streams_can_be_drawn(tmp_path):
     draw_trial(dataclasses.replace(SPEC, root=3, purpose="calibrate"), tmp_path / "a.png")
     assert (tmp_path / "a.png").exists()
+
+
+# Several side by side
+
+
+def frames_of(path):
+    """Frames of an animation as (image, milliseconds that it is shown)."""
+    with Image.open(path) as image:
+        for index in range(image.n_frames):
+            image.seek(index)
+            yield image.convert("RGB"), image.info["duration"]
+
+
+def test_several_strategies_stand_side_by_side_and_a_scenario_makes_a_row(tmp_path):
+    near, random = tiny_plan(["nearest", "random"], trials=1)
+    further = [dataclasses.replace(spec, trial=1) for spec in (near, random)]
+    sizes = []
+    for rows in ([[near, random]], [[near, random], further]):
+        records = draw_trials(rows, tmp_path / "a.png")
+        assert [[record.spec for record in row] for row in records] == rows
+        with Image.open(tmp_path / "a.png") as image:
+            sizes.append(image.size)
+    assert sizes[1] == (sizes[0][0], 2 * sizes[0][1])
+
+
+def test_an_animation_of_several_moves_until_the_last_of_them_has_ended_and_then_holds(tmp_path):
+    specs = tiny_plan(["nearest", "random"], trials=1)
+    [records] = draw_trials([specs], tmp_path / "a.gif")
+    frames = list(frames_of(tmp_path / "a.gif"))
+    assert frames[-1][1] >= 1000 * side_by_side.HELD_SECONDS
+    width, height = frames[0][0].size
+    halves = [
+        [frame.crop((0, 0, width // 2, height)), frame.crop((width // 2, 0, width, height))] for frame, _ in frames
+    ]
+    ends = [record.steps["step"][-1] for record in records]
+    assert len(frames) == max(ends) + 1, "a frame a step: equal ones are joined"
+    first = ends.index(min(ends))
+    late = int(len(frames) * (min(ends) / max(ends) + 1) / 2)  # one has ended by then, the other has not
+    assert halves[late][first].tobytes() == halves[-1][first].tobytes()
+    assert halves[late][1 - first].tobytes() != halves[-1][1 - first].tobytes()
+
+
+def test_a_page_of_several_trials_plays_them_all(tmp_path):
+    draw_trials([tiny_plan(["nearest", "random"], trials=1)], tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text()
+    [found] = re.findall(r'id="replays">(.*?)</script>', text, re.DOTALL)
+    assert {trial["strategy"] for trial in json.loads(found)["trials"]} == {0, 1}
+
+
+def test_a_moment_between_two_decisions_has_the_map_of_the_one_and_the_way_until_then(stored):
+    record = stored.store.find(SPEC)
+    replay = stored.store.replay(SPEC)
+    between = (replay.steps[0] + replay.steps[1]) // 2
+    scene = scene_at(record, replay, between)
+    assert replay.steps[0] < between < replay.steps[1]
+    assert scene.snapshot.map == replay.maps[0]
+    assert scene.steps["step"].tolist() == list(range(between + 1))
+    assert scene_at(record, replay, replay.steps[1]).snapshot.map == replay.maps[1]
