@@ -1,4 +1,4 @@
-"""Fill the computed parts of README.md and docs/*.md, and write submissions/schema.json: nothing is typed by hand.
+"""Fill the computed parts of README.md and docs/*.md, draw their ranking, and write submissions/schema.json.
 
     python docs/fill.py [--check]
 
@@ -16,7 +16,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +26,12 @@ import explore_bench
 from explore_bench.analysis.csv_files import read_csv
 from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of
 from explore_bench.analysis.paired import paired
-from explore_bench.analysis.tables import seed_means
-from explore_bench.report.tables import signed_text
+from explore_bench.analysis.ranking import Standing, duels, standings
+from explore_bench.analysis.statistics import Estimate
+from explore_bench.analysis.tables import PAPER_SCENARIO, seed_means
+from explore_bench.report.answer import headline, how_sure, price_of, training_column, training_minutes
+from explore_bench.report.ranking import Column, ranking_columns, ranking_svg
+from explore_bench.report.tables import heading, interval_text, signed_text
 from explore_bench.runs.perf import read_json, text
 from explore_bench.runs.submission.manifest import schema
 from explore_bench.strategies.registry import strategies
@@ -40,7 +44,6 @@ STUDIES = ROOT / "docs" / "studies"
 WEIGHTS = ROOT / "baselines" / "weights"
 TOURS = ROOT / "baselines" / "reference" / "tours.csv"
 PAGES = ("README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))))
-SCHEMA = "submissions/schema.json"
 STAGE_COLUMNS = (
     *("Method", "scenario", "n", "not explored", "T90 [s]", "T98 [s]", "L90 [m]", "L [m]", "D", "in vain"),
     *("e [m]", "ATE [m]", "NEES", "wall F1, 1 cell", "closures, true", "closures, false", "closures, missed", "C"),
@@ -48,6 +51,8 @@ STAGE_COLUMNS = (
 """Columns of the results in lidar worlds that docs/stage.md shows."""
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
+RANKED, WIDE = (20.0, 40.0), 980
+"""Sizes [m] of README.md's ranking, those of the paper's Table 2; width of its picture [px]."""
 OURS = "belief-attention"
 OF_CELLS = tuple(name for name, entry in strategies().items() if entry.tables == ("cells",))
 """The networks with H_γ of a node's own cell."""
@@ -87,6 +92,61 @@ PLAIN = {
     "CURVE_WINDOW": "Steps that a row of a training curve stands for.",
 }
 """What those public names are that have no docstring of their own."""
+
+
+def ranking_picture() -> str:
+    """The compared strategies, best first: e and η at RANKED sizes, and what they cost."""
+    ranking, names = _ranking()
+    columns = ranking_columns(ranking, [(PAPER_SCENARIO, size) for size in RANKED])
+    decisions = {name: Estimate(own["40"], math.nan, math.nan, 1) for name, own in _decision_ms().items()}
+    price = training_column(training_minutes({name: strategies()[name].weights.values() for name in names}), names)
+    assert price is not None
+    columns += [Column(price.group, "decision, 40 m [ms]", "lower", decisions), price]
+    return ranking_svg(names, columns, {name for name in names if strategies()[name].reference}, WIDE)
+
+
+def ranking_table() -> str:
+    """e, η and price of the compared strategies on the largest maps, best first."""
+    ranking, names = _ranking()
+    size = max(RANKED)
+    decisions = _decision_ms()
+    minutes = training_minutes({name: strategies()[name].weights.values() for name in names})
+    rows = []
+    for own in ranking:
+        if not strategies()[own.strategy].reference:
+            row = {"Strategy": strategies()[own.strategy].label}
+            for metric in SYMBOLS.values():
+                row[f"{heading(METRICS[metric])}, {size:g} m"] = interval_text(
+                    own.means[(PAPER_SCENARIO, size), metric]
+                )
+            row["decision [ms]"] = f"{decisions[own.strategy][f'{size:g}']:.2g}"
+            cost = minutes.get(own.strategy)
+            row["training"] = f"{cost.n} × {cost.mean:.0f} min" if cost else "none"
+            rows.append(row)
+    return markdown(pd.DataFrame(rows))
+
+
+def ranking_words() -> str:
+    """Who explores best, how sure that is, and at what price, as the report says it."""
+    trials = _trials()
+    _, names = _ranking()
+    competitors = [name for name in names if not strategies()[name].reference]
+    found = duels(trials, competitors)
+    minutes = training_minutes({name: strategies()[name].weights.values() for name in names})
+    said = how_sure(competitors, found), price_of(competitors, minutes)
+    return f"**{headline(competitors, found)}.** {' '.join(said)}"
+
+
+@cache
+def _ranking() -> tuple[list[Standing], list[str]]:
+    """Standings of the stored trials at all sizes, and the names in their order."""
+    ranking = standings(_trials(), {name for name, entry in strategies().items() if entry.reference})
+    return ranking, [own.strategy for own in ranking]
+
+
+def _decision_ms() -> dict[str, dict[str, float]]:
+    """Median time of a decision [ms] by strategy and size, as `explore-bench perf` measured it."""
+    return read_json(STUDIES / "perf.json").decision_ms
 
 
 def table2() -> str:
@@ -478,7 +538,8 @@ class Margin:
 
 
 def _trials() -> pd.DataFrame:
-    return read_csv(ROOT / "results" / "trials.csv", ("strategy", "training_seed", "size", "trial", *SYMBOLS.values()))
+    columns = ("strategy", "training_seed", "scenario", "size", "trial", *SYMBOLS.values())
+    return read_csv(ROOT / "results" / "trials.csv", columns)
 
 
 def regrets() -> str:
@@ -495,7 +556,15 @@ def regrets() -> str:
     return markdown(table)
 
 
+WHOLE: dict[str, Callable[[], str]] = {
+    "docs/images/ranking.svg": ranking_picture,
+    "submissions/schema.json": lambda: json.dumps(schema(), indent=1) + "\n",
+}
+"""Files that are computed as a whole."""
+
 PARTS: dict[str, Callable[[], str]] = {
+    "ranking": ranking_table,
+    "ranking-words": ranking_words,
     "table2": table2,
     "claims": claims,
     "calibration-result": calibration_result,
@@ -545,15 +614,15 @@ def filled(page: str) -> str:
 
 
 def main() -> int:
-    """Fill or check every page."""
+    """Fill or check every page and picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     stale = []
-    for page in (*PAGES, SCHEMA):
+    for page in (*PAGES, *WHOLE):
         path = ROOT / page
-        before = path.read_text(encoding="utf-8")
-        after = filled(before) if page != SCHEMA else json.dumps(schema(), indent=1) + "\n"
+        before = path.read_text(encoding="utf-8") if path.is_file() else ""
+        after = WHOLE[page]() if page in WHOLE else filled(before)
         if after != before:
             stale.append(page)
             if not check:

@@ -36,6 +36,7 @@ class Metric:
     better : which direction is better; None where neither is.
     equation : definition, with its source.
     value : the function of a trial's record; of a training curve for what training is measured by.
+    ranks : whether strategies are ranked by it; the metrics of a kind of world that rank take the place of the common.
     """
 
     symbol: str
@@ -43,6 +44,7 @@ class Metric:
     better: Literal["lower", "higher"] | None
     equation: str
     value: Callable[[Any], float]
+    ranks: bool = False
 
 
 def finished(record: TrialRecord) -> bool:
@@ -217,8 +219,8 @@ def _going_back(places: Array, way: Array, near: float, away: float) -> Array:
 
 
 METRICS: dict[str, Metric] = {
-    "trajectory_error": Metric("e", "m", "lower", "n_a / n_g · √(max tr Σ_v, v ∈ V_p) (Eq. 3)", trajectory_error),
-    "exploration_efficiency": Metric("η", "m²/step", "higher", "(U₀ − U_T) / T (Eq. 2)", exploration_efficiency),
+    "trajectory_error": Metric("e", "m", "lower", "n_a / n_g · √(max tr Σ_v, v ∈ V_p) (Eq. 3)", trajectory_error, True),
+    "exploration_efficiency": Metric("η", "m²/step", "higher", "(U₀ − U_T) / T (Eq. 2)", exploration_efficiency, True),
     "uncertainty_reduction": Metric("ΔU", "m²", "higher", "U₀ − U_T, U = Σ tr Σ_v (Eq. 1)", uncertainty_reduction),
     "position_error": Metric("e, position", "m", "lower", "Eq. 3 of 2 × 2 covariances", position_error),
     "path_length": Metric("L", "m", "lower", "Σ length of the straight commands", last("path_length")),

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.paired import paired
+from explore_bench.analysis.ranking import COMPARED
 from explore_bench.analysis.statistics import Survival, interquartile_mean_interval, survival
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
@@ -31,8 +32,6 @@ from explore_bench.report.tables import (
 )
 
 COVERAGES = {"t50": 0.5, "t80": 0.8, "t90": 0.9}
-COMPARED = "table2"
-"""Table whose strategies the figures show: ablations would bury them."""
 
 
 def aggregate_tables(trials: pd.DataFrame) -> dict[str, Table]:

@@ -59,6 +59,12 @@ def caption(name: str) -> str:
             f"Figure {number}. One trial of each of {_GROUPS[table]} on the same {size:g} m map, at its last decision: "
             "what the robot knows, where it went and where it may go next."
         )
+    if name.endswith("c"):
+        return (
+            f"Figure {number}. The same curves, {_GROUPS[table]} on {size:g} m maps: each variant less Graph-STNN, "
+            f"paired by world, mean with a {CONFIDENCE:.0%} bootstrap band: above 0 the variant has more. Were the two "
+            "one, a band would miss 0 in about one step of twenty, often in a whole stretch, for steps hang together."
+        )
     return (
         f"Figure {number}. Known share of the map, e and η over the steps, {_GROUPS[table]} on {size:g} m maps: mean "
         f"over worlds with a {CONFIDENCE:.0%} bootstrap band. Below: trials still running."

@@ -40,12 +40,18 @@ FIGURE_16_SUITE = "figure16"
 PRINTED = ("table2", "table3")
 """Tables whose numbers the paper prints."""
 
+VARIANTS = ("table3", "layers")
+"""Tables of one network and its variants, whose differences to it are drawn, too."""
+
 EXAMPLE_TRIAL = 0
 """World of the example trials (a): the first, not a chosen one."""
 
 RESAMPLES = 1000
 
 Groups = dict[str, list[TrialRecord]]
+
+Curves = dict[str, dict[str, dict[int, np.ndarray]]]
+"""Curve, strategy and world → values by step."""
 
 
 def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) -> list[Path]:
@@ -62,7 +68,11 @@ def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) ->
             groups = _groups(papers, table, size)
             shown = any(_belongs(strategy, table, size) for strategy in groups)
             written += save_all(_examples(store, groups) if shown else None, folder / f"{name}a")
-            written += save_all(_curves(groups, size) if shown else None, folder / f"{name}b")
+            length = _length(groups) if shown else 0
+            values = {curve: {n: _of_worlds(own, curve, length) for n, own in groups.items()} for curve in CURVES}
+            written += save_all(_curves(groups, values, size) if shown else None, folder / f"{name}b")
+            whole = _whole(groups) if shown and table in VARIANTS else None
+            written += save_all(_differences(groups, values, whole) if whole else None, folder / f"{name}c")
         written += save_all(_figure_6(store, papers), folder / "figure-06")
         moment = _moment_of_16(store, records)
         written += save_all(moment and _figure_16a(*moment), folder / "figure-16a")
@@ -168,10 +178,10 @@ def _figure_16b(words: str, scene: Scene) -> Figure:
     return figure
 
 
-def _curves(groups: Groups, size: float) -> Figure:
+def _curves(groups: Groups, values: Curves, size: float) -> Figure:
     """Means over worlds with bootstrap bands, and the number of trials still running below."""
     ends = {name: np.array([_duration(record) for record in own]) for name, own in groups.items()}
-    length = 1 + int(max(np.quantile(values, 0.95) for values in ends.values()))
+    length = _length(groups)
     figure, grid = plt.subplots(
         2, 3, figsize=(11.5, 4.6), sharex=True, height_ratios=(4, 1), gridspec_kw={"hspace": 0.05}
     )
@@ -181,17 +191,17 @@ def _curves(groups: Groups, size: float) -> Figure:
         for strategy, own in groups.items():
             if name != "explored" and not entry_of(strategy).fills(name):
                 continue
-            _band(axes, step, _by_world(own, name, length), strategy, own[0].spec.root)
+            _band(axes, step, np.array(list(values[name][strategy].values())), strategy, own[0].spec.root)
         axes.set_title(title)
         axes.set_ylabel(f"[{unit}]" if unit != "1" else "known share")
         if name == "explored":
             axes.set_ylim(0, 1)
         elif name == "exploration_efficiency":  # it starts at infinity
-            early = [line.get_ydata()[min(max(length // 8, 1), length - 1)] for line in axes.get_lines()]
+            early = [line.get_ydata()[_early(length)] for line in axes.get_lines()]
             axes.set_ylim(0, 1.1 * max((value for value in early if math.isfinite(value) and value > 0), default=1.0))
         below = grid[1, column]
-        for strategy, values in ends.items():
-            running = (values[:, None] > step).mean(axis=0) * _worlds(groups[strategy])
+        for strategy, own_ends in ends.items():
+            running = (own_ends[:, None] > step).mean(axis=0) * _worlds(groups[strategy])
             below.step(step, running, color=entry_of(strategy).color, linewidth=1.0, where="post")
         below.set(xlabel="step", xlim=(0, length - 1))
         below.set_ylim(bottom=0)
@@ -203,16 +213,66 @@ def _curves(groups: Groups, size: float) -> Figure:
     return figure
 
 
+def _whole(groups: Groups) -> str | None:
+    """Network that the others are variants of: the one that the paper prints with its competitors, too; or none."""
+    own = {name for name in groups if {table for table, _, _ in entry_of(name).published} >= set(PRINTED)}
+    return next((name for name in groups if name in own and len(groups) > 1), None)
+
+
+def _differences(groups: Groups, values: Curves, whole: str) -> Figure | None:
+    """Each variant's curves less those of the whole network, paired by world, with bootstrap bands; a column each."""
+    worlds = {name: sorted(values["explored"][name].keys() & values["explored"][whole].keys()) for name in groups}
+    others = [name for name in groups if name != whole and worlds[name]]
+    if not others:
+        return None
+    length = _length(groups)
+    step = np.arange(length)
+    width, height = 1.0 + 1.9 * len(others), 5.8
+    figure, grid = plt.subplots(
+        *(len(CURVES), len(others)), figsize=(width, height), sharex=True, sharey="row", squeeze=False, layout="none"
+    )
+    figure.subplots_adjust(0.8 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.75 / height, wspace=0.08, hspace=0.22)
+    for i, (name, (title, unit)) in enumerate(CURVES.items()):
+        row, ends = grid[i], []
+        for axes, other in zip(row, others, strict=True):
+            pairs = np.array([values[name][other][world] - values[name][whole][world] for world in worlds[other]])
+            axes.axhline(0.0, color=entry_of(whole).color, linewidth=1.0)
+            low, high = _band(axes, step, pairs, other, groups[other][0].spec.root)
+            ends += [low[_early(length) :], high[_early(length) :]]
+            off = np.mean((low > 0) | (high < 0))
+            said = f"off 0 in {off:.0%} of steps" if len(pairs) > 1 else ""
+            axes.set_title(f"{shown_name(other)}\n{said}" if not i else said, fontsize=8.5)
+        reach = max((float(np.nanmax(np.abs(one))) for one in ends if np.isfinite(one).any()), default=0.0) or 1.0
+        row[0].set_ylim(-1.1 * reach, 1.1 * reach)  # the first steps differ by what nobody chose
+        row[0].set_ylabel(f"{title}\n[{unit}]" if unit != "1" else title, fontsize=8)
+    for axes in grid[-1]:
+        axes.set(xlabel="step", xlim=(0, length - 1))
+    figure.suptitle(
+        f"Difference to {shown_name(whole)}, paired by world: mean and {CONFIDENCE:.0%} bootstrap band", fontsize=10
+    )
+    return figure
+
+
+def _length(groups: Groups) -> int:
+    """Steps that curves show: until 95 % of the trials of every strategy have ended."""
+    return 1 + int(max(np.quantile([_duration(record) for record in own], 0.95) for own in groups.values()))
+
+
+def _early(length: int) -> int:
+    """Step from which on η is drawn in full: it starts at infinity."""
+    return min(max(length // 8, 1), length - 1)
+
+
 def _worlds(records: Sequence[TrialRecord]) -> int:
     return len({record.spec.trial for record in records})
 
 
-def _by_world(records: Sequence[TrialRecord], name: str, length: int) -> np.ndarray:
-    """Curves of a strategy, averaged over its training seeds within a world first, shape (worlds, length)."""
+def _of_worlds(records: Sequence[TrialRecord], name: str, length: int) -> dict[int, np.ndarray]:
+    """Curve of a strategy in each world, averaged over its training seeds, shape (length,) each."""
     worlds: dict[int, list[np.ndarray]] = {}
     for record in records:
         worlds.setdefault(record.spec.trial, []).append(curve(record, name, length))
-    return np.array([np.mean(own, axis=0) for own in worlds.values()])
+    return {world: np.mean(own, axis=0) for world, own in worlds.items()}
 
 
 def _duration(record: TrialRecord) -> int:
@@ -220,8 +280,8 @@ def _duration(record: TrialRecord) -> int:
     return int(record.steps["step"][-1]) if finished(record) else record.spec.scenario.step_limit
 
 
-def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root: int) -> None:
-    """Draw the mean over worlds of values, shape (worlds, steps), and its pointwise bootstrap band."""
+def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root: int) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the mean over worlds of values, shape (worlds, steps), and its pointwise bootstrap band; return this."""
     entry = entry_of(strategy)
     count = len(values)
     rng = stream("evaluate", root, 0, 0, "statistics")
@@ -231,3 +291,4 @@ def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root:
     axes.plot(step, values.mean(axis=0), color=entry.color, linestyle=style, linewidth=1.3, label=shown_name(strategy))
     if count > 1:
         axes.fill_between(step, low, high, color=entry.color, alpha=0.18, linewidth=0)
+    return low, high

@@ -17,6 +17,7 @@ from explore_bench.analysis.tables import of_paper
 from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
+from explore_bench.report.answer import answer
 from explore_bench.report.captions import caption
 from explore_bench.report.completeness import endings_table, gaps
 from explore_bench.report.drawing import entry_of
@@ -59,6 +60,7 @@ class Content:
     figures : files in SVG.
     sections : parts of their own, in this order.
     stale : stored trials of older code, which are left out.
+    verdicts : claims as (name, statement, verdict, comparisons); their details are the first section.
     """
 
     store: Store
@@ -68,6 +70,7 @@ class Content:
     figures: Sequence[Path] = ()
     sections: Sequence[Section] = ()
     stale: int = 0
+    verdicts: Sequence[tuple[str, ...]] = ()
 
 
 def write_page(content: Content, path: Path) -> Path:
@@ -87,10 +90,14 @@ def render_page(content: Content) -> str:
         "nested": lambda groups: any(group.names for group in groups),
         "attributes_of": column_attributes,
     }
-    replays = player_data(content.store, content.records, content.trials, names)
+    found = answer(content.trials, content.records)
+    beside = found.beside if found else ()
+    replays = player_data(content.store, content.records, content.trials, names, beside)
     return environment.get_template("page.html.j2").render(
         css=Markup(_text("page.css")),
         script=Markup(_text("player.js")),
+        answer=found,
+        verdicts=content.verdicts,
         summary=_summary(content.records, names),
         scenario=content.records[0].spec.scenario,
         of_paper=of_paper(content.trials),

@@ -132,9 +132,17 @@ def _training(spec: TrialSpec) -> tuple[str, str]:
     """Number of parameters and command of a training, from the card beside the weights."""
     if not spec.weights:
         return "–", "–"
-    try:
-        card: Any = parse_json(read_text(weights_file(spec.weights).with_suffix(".json")))
-        count, command = card.get("parameter_count"), card.get("command")
-    except (OSError, ValueError, AttributeError):
+    card = card_of(spec.weights)
+    if card is None:
         return "–", "no card"
+    count, command = card.get("parameter_count"), card.get("command")
     return (f"{count:,}" if isinstance(count, int) else "–"), (str(command) if command else "not in the card")
+
+
+def card_of(weights: str) -> dict[str, Any] | None:
+    """Card beside a file of weights, which tells of its training; None where there is none that can be read."""
+    try:
+        card = parse_json(read_text(weights_file(weights).with_suffix(".json")))
+    except (OSError, ValueError):
+        return None
+    return card if isinstance(card, dict) else None

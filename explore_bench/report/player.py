@@ -33,11 +33,16 @@ COLORS = {
 
 
 def player_data(
-    store: Store, records: Sequence[TrialRecord], table: pd.DataFrame, names: Sequence[str]
+    store: Store,
+    records: Sequence[TrialRecord],
+    table: pd.DataFrame,
+    names: Sequence[str],
+    beside: Sequence[str] = (),
 ) -> dict[str, Any]:
     """What the player reads: the strategies of `names`, and trials with their replays packed.
 
-    `table` holds the rows of `trials.csv`, whose scores stand beside a replay.
+    `table` holds the rows of `trials.csv`, whose scores stand beside a replay. The player begins with the strategies of
+    `beside`, one or two, on the largest map.
     """
     numbers = {name: i for i, name in enumerate(names)}
     values = table.set_index(["strategy", "scenario", "size", "trial", "training_seed"])
@@ -69,7 +74,9 @@ def player_data(
     shown = [{"label": shown_name(name), "color": entry_of(name).color} for name in names]
     coverage = records[0].spec.scenario.coverage
     maps = [f"{size:g} m × {size:g} m" + (f", {scenario}" if several else "") for scenario, size in places]
-    return {"strategies": shown, "maps": maps, "trials": trials, "colors": COLORS, "coverage": coverage}
+    start = {"map": len(maps) - 1} | dict(zip("ab", (numbers[name] for name in beside), strict=False))
+    data = {"strategies": shown, "maps": maps, "trials": trials, "colors": COLORS, "coverage": coverage}
+    return data | ({"start": start} if beside else {})
 
 
 def player_legend(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:

@@ -106,7 +106,8 @@ def _write_all(
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
-    page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale)
+    verdicts = overview(found).rows
+    page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale, verdicts)
     return [*files, write_page(page, folder / "report.html")]
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import re
 from types import SimpleNamespace
 
 import matplotlib
@@ -270,7 +271,7 @@ def test_training_seeds_are_averaged_within_a_world(learned):
     records = learned.records()[0]
     assert [(r.spec.training_seed, r.spec.trial) for r in records] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     for name in CURVES:
-        values = figures._by_world(records, name, 50)
+        values = np.array(list(figures._of_worlds(records, name, 50).values()))
         assert values.shape == (TRIALS, 50)
         for world, own in enumerate(values):
             seeds = [curve(record, name, 50) for record in records if record.spec.trial == world]
@@ -281,7 +282,7 @@ def test_training_seeds_are_averaged_within_a_world(learned):
 def test_worlds_weigh_alike_in_a_curve_however_many_training_seeds_ran_on_them(learned):
     """World 0 with two seeds, world 1 with one."""
     records = learned.records()[0][:3]
-    values = figures._by_world(records, "explored", 50)
+    values = np.array(list(figures._of_worlds(records, "explored", 50).values()))
     assert values[1] == pytest.approx(curve(records[1], "explored", 50))
     assert values[0] == pytest.approx((curve(records[0], "explored", 50) + curve(records[2], "explored", 50)) / 2)
 
@@ -293,7 +294,7 @@ def test_a_learned_strategy_has_one_line_over_its_worlds_whatever_its_training_s
     for name, panel in zip(CURVES, panels[:3], strict=True):
         [(color, _, label, values)] = panel.lines
         assert (color, label) == (strategies()["gcn-obs"].color, "GCN-obs")
-        expected = figures._by_world(learned.records()[0], name, len(values)).mean(axis=0)
+        expected = np.mean([*figures._of_worlds(learned.records()[0], name, len(values)).values()], axis=0)
         assert values == pytest.approx(expected, nan_ok=True)
     [(_, _, _, running)] = panels[3].lines
     assert running[0] == TRIALS, "worlds, not trials"
@@ -318,6 +319,58 @@ def test_the_figure_of_the_layers_shows_the_strategies_of_its_table(results, mon
     shown = drawn(store)
     assert shown["figure-08b legend"] == ["Graph-STNN, 1 GCN layer"]
     assert {key for key in shown if "legend" not in key} == {"figure-08a", "figure-08b"}
+
+
+# Variants of one network
+
+
+@pytest.fixture
+def variants(results, monkeypatch, tmp_path):
+    """Return records of Graph-STNN and a variant: trials of Random and of Nearest, the variant's in world 0 alone."""
+    names = ("graph-stnn", "no-state")
+    for name in names:
+        file = tmp_path / f"{name}-0.safetensors"
+        file.write_bytes(b"")
+        monkeypatch.setitem(strategies(), name, dataclasses.replace(strategies()[name], weights={0: str(file)}))
+    of = {(result.spec.strategy, result.spec.trial): result for result in results}
+    took = dict(zip(names, ("random", "nearest"), strict=True))
+    specs = [s for s in plan("table3", names, (20.0,), TRIALS).specs if s.strategy == "graph-stnn" or not s.trial]
+    return kept(
+        tmp_path / "results", [dataclasses.replace(of[took[spec.strategy], spec.trial], spec=spec) for spec in specs]
+    )
+
+
+def test_a_variant_is_drawn_as_its_difference_to_the_whole_network_paired_by_world(variants, drawn):
+    panels = drawn(variants)["figure-13c"]
+    records = variants.records()[0]
+    of = {record.spec.strategy: record for record in records if not record.spec.trial}
+    assert [panel.title.split("\n")[0] for panel in panels] == ["no state", "", ""]
+    for name, panel in zip(CURVES, panels, strict=True):
+        (color, _, _, zero), (own, _, _, values) = panel.lines
+        assert (color, own) == (strategies()["graph-stnn"].color, strategies()["no-state"].color)
+        assert set(zero) == {0.0}
+        expected = curve(of["no-state"], name, len(values)) - curve(of["graph-stnn"], name, len(values))
+        assert values == pytest.approx(expected, nan_ok=True)
+        low, high = panel.limits[1]
+        assert low == -high, "no difference is in the middle"
+
+
+def test_differences_are_drawn_only_beside_the_whole_network(variants, drawn):
+    alone = [record for record in variants.records()[0] if record.spec.strategy == "no-state"]
+    shown = drawn(variants, alone)
+    assert "figure-13b" in shown
+    assert "figure-13c" not in shown
+    assert "figure-10c" not in drawn(variants), "competitors are no variants"
+
+
+def test_how_much_of_a_difference_is_shown_stands_above_it(variants, drawn):
+    """In one world alone there is no band to say it."""
+    assert not any("off 0" in panel.title for panel in drawn(variants)["figure-13c"])
+    records = variants.records()[0]
+    [other] = [record for record in records if record.spec.strategy == "no-state"]
+    again = dataclasses.replace(other, spec=dataclasses.replace(other.spec, trial=1))
+    titles = [panel.title for panel in drawn(variants, [*records, again])["figure-13c"]]
+    assert all(re.search(r"off 0 in \d+% of steps$", title) for title in titles)
 
 
 # Examples in the manner of Figure 6

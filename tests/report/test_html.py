@@ -173,7 +173,7 @@ def test_figures_stand_inline_with_ids_of_their_own(content, tmp_path):
 
 
 def test_every_figure_has_a_caption():
-    names = [*TRAINING_FIGURES, *(name + part for name in CURVE_FIGURES for part in "ab"), "figure-06"]
+    names = [*TRAINING_FIGURES, *(name + part for name in CURVE_FIGURES for part in "abc"), "figure-06"]
     captions = [caption(name) for name in names]
     assert len(set(captions)) == len(names)
     for name, words in zip(names, captions, strict=True):

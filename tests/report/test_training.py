@@ -23,7 +23,7 @@ from explore_bench.analysis.training_curve import (
 )
 from explore_bench.errors import RequestError
 from explore_bench.report import drawing
-from explore_bench.report.figures import _by_world
+from explore_bench.report.figures import _of_worlds
 from explore_bench.report.pages import training
 from explore_bench.report.pages.training import PANELS, TRAINING_FIGURES, on_one_axis, write_training_figures
 from explore_bench.strategies.registry import strategies
@@ -285,7 +285,7 @@ def test_curves_of_trials_average_over_training_seeds_within_a_world():
         return with_spec(made, training_seed=seed)
 
     records = [trial(0, 0, [0.0, 0.2]), trial(0, 1, [0.0, 0.4]), trial(1, 0, [0.1, 1.0])]
-    assert np.allclose(_by_world(records, "explored", 2), [[0.0, 0.3], [0.1, 1.0]])
+    assert np.allclose(list(_of_worlds(records, "explored", 2).values()), [[0.0, 0.3], [0.1, 1.0]])
 
 
 def test_a_curve_without_a_row_is_left_out(ship, tmp_path):

@@ -133,9 +133,11 @@ METRICS: dict[str, Metric] = {
         "T90", "s", "lower", "time with 90 % of the map known", time_to(0.9, "seconds", most_seconds)
     ),
     "t98_seconds": Metric(
-        "T98", "s", "lower", "time with 98 % of the map known", time_to(0.98, "seconds", most_seconds)
+        "T98", "s", "lower", "time with 98 % of the map known", time_to(0.98, "seconds", most_seconds), True
     ),
-    "l90": Metric("L90", "m", "lower", "way with 90 % of the map known", time_to(0.9, "path_length", most_metres)),
+    "l90": Metric(
+        "L90", "m", "lower", "way with 90 % of the map known", time_to(0.9, "path_length", most_metres), True
+    ),
     "error_seconds": Metric("e", "m s", "lower", "Eq. 3 with seconds in the place of n_a", error_over(seconds)),
     "error_metres": Metric("e", "m²", "lower", "Eq. 3 with metres in the place of n_a", error_over(metres)),
     "efficiency_seconds": Metric(

@@ -36,7 +36,7 @@
 
   // Replays: the format is that of explore_bench/report/packing.py and fine_replays.py.
 
-  const { strategies, maps, trials, colors, coverage } = JSON.parse($("replays").textContent);
+  const { strategies, maps, trials, colors, coverage, start } = JSON.parse($("replays").textContent);
   const opened = new Map();
 
   async function open(trial) {
@@ -416,13 +416,17 @@
     return own.length ? own.join(", ") + (alone ? "" : ` of ${strategies[trial.strategy].label}`) : "";
   }
 
+  let opening = start ?? null; // what is picked before anybody picks
+
   function offer() {
+    const wanted = opening ?? { a: pick.a.value, b: pick.b.value };
+    opening = null;
     const map = Number(pick.map.value);
     const here = unique(trials.filter((one) => one.map === map).map((one) => one.strategy)).sort((a, b) => a - b);
-    fill(pick.a, here.map((one) => [one, strategies[one].label]), pick.a.value);
+    fill(pick.a, here.map((one) => [one, strategies[one].label]), wanted.a);
     const a = Number(pick.a.value);
     const common = (b) => trials.some((one) => one.strategy === b && one.map === map && find(a, map, one.world));
-    fill(pick.b, [["", "nothing"], ...here.filter((one) => one !== a && common(one)).map((one) => [one, strategies[one].label])], pick.b.value);
+    fill(pick.b, [["", "nothing"], ...here.filter((one) => one !== a && common(one)).map((one) => [one, strategies[one].label])], wanted.b);
     const b = pick.b.value === "" ? null : Number(pick.b.value);
     const worlds = trials.filter((one) => one.strategy === a && one.map === map && (b === null || find(b, map, one.world)));
     fill(pick.world, worlds.map((one) => {
@@ -455,7 +459,6 @@
       dot.style.setProperty("--c", state.shown[i].strategy.color);
       stage.querySelector("h3").replaceChildren(dot, state.shown[i].strategy.label);
     });
-    document.querySelector(".view").classList.toggle("alone", state.shown.length === 1);
     $("step").max = state.last;
     show(0);
   }
@@ -538,6 +541,7 @@
   let waiting = 0;
   new ResizeObserver(() => { cancelAnimationFrame(waiting); waiting = requestAnimationFrame(() => show(state.step)); }).observe($("replay"));
 
-  fill(pick.map, maps.map((label, i) => [i, label]), "");
-  load();
+  fill(pick.map, maps.map((label, i) => [i, label]), start ? start.map : "");
+  const still = window.matchMedia?.("(prefers-reduced-motion: reduce)").matches ?? true;
+  load().then(() => { if (!still && state.shown.length && !state.playing) toggle(); });
 })();

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from explore_bench.analysis.lidar.metrics import METRICS
+from explore_bench.analysis.ranking import places_of
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.lidar.tables import places_of
 from explore_bench.report.tables import heading, shown_name
 from explore_bench.strategies.registry import in_order
 

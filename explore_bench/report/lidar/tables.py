@@ -96,11 +96,6 @@ def _cells(trials: pd.DataFrame) -> list[tuple[str, str, float, pd.DataFrame]]:
     ]
 
 
-def places_of(trials: pd.DataFrame) -> list[tuple[str, float]]:
-    """Scenarios and sizes [m] of some trials, in the order in which they come."""
-    return list(dict.fromkeys(zip(trials["scenario"].tolist(), trials["size"].tolist(), strict=True)))
-
-
 def _mean(cell: pd.DataFrame, metric: str) -> str:
     values = np.array(list(by_world(cell, metric).values()))
     return interval_text(mean_interval(values)) if np.isfinite(values).all() else "–"

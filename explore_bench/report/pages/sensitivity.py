@@ -11,9 +11,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.ranking import COMPARED
 from explore_bench.analysis.statistics import mean_interval, ratio_interval
 from explore_bench.analysis.tables import by_world
-from explore_bench.report.aggregates import COMPARED
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, shown_name
 from explore_bench.runs.suites import ROBUSTNESS
