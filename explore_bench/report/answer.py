@@ -107,9 +107,10 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
     own = [duel for duel in found if duel.other == competitors[1]]
     last = [duel for duel in own if duel.place == max((one.place for one in own), key=lambda place: place[1])]
     gains = [f"{all_metrics()[duel.metric].symbol} {percent_text(duel.relative)} %" for duel in last]
-    return f"{text}." + (
-        f" Against the next, {second}: {_joined(gains)} at {_named(last[0].place, found)}." if last else ""
-    )
+    if last:
+        text += f". Against the next, {second}: {_joined(gains)} at {_named(last[0].place, found)}"
+    few = 2.0 * len(found) / 2.0 ** worlds[-1] > LEVEL  # the least p there can be, after Holm's correction
+    return f"{text}." + (" So few worlds can show nothing." if few else "")
 
 
 def _compared(found: Sequence[Duel]) -> str:

@@ -18,7 +18,7 @@ from explore_bench.report.agreement import agreement_tables
 from explore_bench.report.drawing import save_all, showing, styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
-from explore_bench.report.pages.claims import claims_section, examined, overview, write_claims
+from explore_bench.report.pages.claims import claims_section, examined, overview, tried, write_claims
 from explore_bench.report.pages.maps import maps_figure, write_map_report
 from explore_bench.report.pages.sensitivity import write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
@@ -106,7 +106,7 @@ def _write_all(
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
-    verdicts = overview(found).rows
+    verdicts = overview(tried(found, trials)).rows
     page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale, verdicts)
     return [*files, write_page(page, folder / "report.html")]
 

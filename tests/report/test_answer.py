@@ -1,5 +1,6 @@
 """The first screen: the sentence that answers, how sure it is, the price, and the ranking as a picture."""
 
+import dataclasses
 import json
 import math
 import re
@@ -205,3 +206,9 @@ def test_a_reader_is_shown_the_first_beside_what_others_are_measured_by(stored):
     assert set(found.beside) == {"random", "nearest"}
     assert "Clairvoyant" not in found.headline
     assert len(found.narrow) == 1
+
+
+def test_too_few_worlds_to_show_anything_are_said_to_be():
+    found = [dataclasses.replace(one, worlds=4) for one in against("nearest", **OPEN)]
+    assert "So few worlds can show nothing" in how_sure([BEST, "nearest"], found)
+    assert "So few worlds" not in how_sure([BEST, "nearest"], against("nearest", **OPEN))

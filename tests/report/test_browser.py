@@ -69,10 +69,10 @@ def page(browser, report):
     return browser
 
 
-def look(browser, width, height, scheme="light", media=""):
+def look(browser, width, height, scheme="light", media="", motion="reduce"):
     metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    still = {"name": "prefers-reduced-motion", "value": "reduce"}  # no scrolling that goes on while a test looks
+    still = {"name": "prefers-reduced-motion", "value": motion}  # reduced, nothing moves while a test looks
     features = [{"name": "prefers-color-scheme", "value": scheme}, still]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": features})
 
@@ -206,6 +206,48 @@ def test_the_player_plays_and_the_pictures_change(page):
     assert pixels(page, 0, "curve") != before[1]
     time.sleep(0.4)
     assert step(page) == held, "it pauses"
+
+
+def test_the_player_plays_by_itself_unless_motion_is_to_be_reduced(browser, report):
+    address = (report / "report.html").as_uri()
+    look(browser, 1280, 900)
+    browser.get(address)
+    wait(browser, "return document.getElementById('step').max > 0")
+    time.sleep(0.6)
+    assert step(browser) == 0
+    look(browser, 1280, 900, motion="no-preference")
+    browser.get(address)
+    wait(browser, "return document.getElementById('step').value > 3")
+    assert browser.execute_script("return document.getElementById('play').getAttribute('aria-label')") == "Pause"
+
+
+def test_the_first_screen_has_the_answer_and_the_player_on_it(page):
+    look(page, 1400, 900)
+    time.sleep(0.4)
+    edge = "return document.querySelector(arguments[0]).getBoundingClientRect()[arguments[1]]"
+    for place in ("h1", ".lead", ".ranking.wide"):
+        assert page.execute_script(edge, place, "bottom") < 900, place
+    for place in ("canvas.map", "#play"):
+        assert page.execute_script(edge, place, "top") < 900, place
+    hidden = "return document.querySelector(arguments[0]).offsetParent === null"
+    assert page.execute_script(hidden, ".ranking.narrow")
+    look(page, 400, 900)
+    time.sleep(0.4)
+    assert page.execute_script(hidden, ".ranking.wide")
+    assert page.execute_script(edge, ".ranking.narrow svg", "width") > 300
+
+
+def test_the_first_column_of_a_wide_table_stays_in_view_with_its_heading(page):
+    look(page, 700, 740)
+    script = """const boxes = [...document.querySelectorAll('#tables .scroll')];
+      const box = boxes.find((one) => one.scrollWidth > one.clientWidth + 200);
+      box.scrollLeft = 200;
+      const left = (name) => {
+        const cell = box.querySelector(name).getBoundingClientRect();
+        return Math.round(cell.left - box.getBoundingClientRect().left);
+      };
+      return [left('thead th'), left('tbody th'), left('tbody td') < 0];"""
+    assert page.execute_script(script) == [1, 1, True]
 
 
 def test_the_player_stops_at_the_end_and_begins_anew(page):

@@ -17,6 +17,7 @@ from explore_bench.report.pages.claims import (
     examined,
     overview,
     sentence,
+    tried,
     write_claims,
 )
 from explore_bench.report.tables import p_text
@@ -161,3 +162,12 @@ def test_a_claim_is_examined_where_the_trials_are_of_its_scenario(trials, monkey
     assert list(examined(trials)) == [CLAIM]
     assert list(examined(trials.assign(scenario="stage"))) == [own]
     assert verdict(examined(trials.assign(scenario="stage"))[own]) == "supported"
+
+
+def test_a_page_does_not_begin_with_claims_about_strategies_that_did_not_run(trials):
+    found = examined(trials)
+    begun = tried(found, trials)
+    assert begun.keys() < found.keys()
+    ran = set(trials["strategy"])
+    assert all(any({one.better, one.worse} & ran for one in claim.comparisons) for claim in begun)
+    assert tried(found, trials.assign(strategy="mine")) == {}

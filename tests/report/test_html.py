@@ -136,6 +136,28 @@ def test_the_introduction_explains_what_is_compared_and_how_to_read_it(page):
     assert "3 strategies for exploring an unknown map, compared in 9 simulated trials on 3 worlds" in words
 
 
+def test_the_page_begins_with_the_answer_the_ranking_the_verdicts_and_the_player(content):
+    verdicts = (("i", "Obstacles help: a network sees them.", "not shown", "Of 1 comparisons: 1 not shown."),)
+    section = Section("Do the claims hold?", ("All of it.",))
+    text = render_page(dataclasses.replace(content, verdicts=verdicts, sections=(section,)))
+    asked = ("<h1>", "is shown to be better in", 'class="ranking wide"', ">not shown</b>", "(i) Obstacles help<")
+    asked += ('id="play"', ">How to read this</h2>", ">Do the claims hold?</h2>", ">Tables</h2>", ">Figures</h2>")
+    places = [text.index(words) for words in asked]
+    assert places == sorted(places)
+
+
+def test_a_page_without_verdicts_has_no_place_for_them(text):
+    assert "Claims, and what the trials say" not in text
+
+
+def test_the_player_begins_with_the_best_beside_what_others_are_measured_by(text):
+    data = data_of(text)
+    shown = [data["strategies"][data["start"][key]]["label"] for key in "ab"]
+    assert set(shown) == {"Random", "Nearest"}, "the reference competes with nobody"
+    assert data["start"]["map"] == len(data["maps"]) - 1
+    assert re.search(rf"Ranking, best first: {shown[0]}, ", text)
+
+
 def test_no_id_is_there_twice(page):
     assert len(page.ids) == len(set(page.ids))
 

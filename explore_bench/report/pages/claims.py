@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from explore_bench.analysis.claims import (
+    NOT_MEASURED,
     Claim,
     Comparison,
     Finding,
@@ -90,6 +91,16 @@ def claims_section(found: dict[Claim, list[Finding]]) -> Section:
     """Return the claims as a part of the page."""
     tables = [table(*item) for item in found.items() for table in (words_table, comparison_table)]
     return Section("Do the claims hold?", (INTRODUCTION, NOTE), (overview(found), *tables))
+
+
+def tried(found: dict[Claim, list[Finding]], trials: pd.DataFrame) -> dict[Claim, list[Finding]]:
+    """Claims that were measured, and of whose strategies some ran: the others are nothing to begin with."""
+    ran = set(trials["strategy"])
+    return {
+        claim: own
+        for claim, own in found.items()
+        if verdict(own) != NOT_MEASURED and any({one.better, one.worse} & ran for one in claim.comparisons)
+    }
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:
