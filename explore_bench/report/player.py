@@ -51,8 +51,8 @@ def player_data(
     several = len({scenario for scenario, _ in places}) > 1
     trials = []
     for choice in choose_trials([record for record in records if counts(record)]):
-        spec, data = choice.record.spec, packed(store, choice.record)
-        if not data:
+        spec, replay = choice.record.spec, packed(store, choice.record)
+        if not replay:
             continue
         seed = pd.NA if spec.training_seed is None else spec.training_seed
         place = spec.scenario_name, spec.scenario.size
@@ -68,15 +68,17 @@ def player_data(
                 "T": score(choice.record).time,
                 "e": number_text(e, e),
                 "eta": number_text(eta, eta),
-                "data": data,
+                "data": replay,
             }
         )
     shown = [{"label": shown_name(name), "color": entry_of(name).color} for name in names]
     coverage = records[0].spec.scenario.coverage
     maps = [f"{size:g} m × {size:g} m" + (f", {scenario}" if several else "") for scenario, size in places]
-    start = {"map": len(maps) - 1} | dict(zip("ab", (numbers[name] for name in beside), strict=False))
-    data = {"strategies": shown, "maps": maps, "trials": trials, "colors": COLORS, "coverage": coverage}
-    return data | ({"start": start} if beside else {})
+    data: dict[str, Any] = {"strategies": shown, "maps": maps, "trials": trials, "colors": COLORS, "coverage": coverage}
+    if beside:
+        picked = dict(zip("ab", (numbers[name] for name in beside), strict=False))
+        data["start"] = {"map": len(maps) - 1, **picked}
+    return data
 
 
 def player_legend(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:

@@ -87,7 +87,8 @@ def _animation(rows: Sequence[Sequence[Shown]]) -> bytes:
 
 def _panel(shown: Shown, step: int) -> NDArray[np.uint8]:
     """Panel of a trial at a step, shape (height, width, 3)."""
-    figure = Figure(figsize=PANEL, dpi=DPI, layout="none")
+    figure = Figure(figsize=PANEL, dpi=DPI)
+    figure.set_layout_engine("none")
     canvas = FigureCanvasAgg(figure)
     _draw(figure.add_axes((0.03, 0.02, 0.94, 0.94 * PANEL[0] / PANEL[1])), shown, step)
     canvas.draw()
