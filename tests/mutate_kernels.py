@@ -36,6 +36,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "explore_bench"
 TESTS = {
     "geometry/__init__": ("test_geometry",),
+    "geometry/rays": ("test_rays", "robot/lidar/test_local_planners", "world/lidar/test_lidar_world"),
     "robot/belief": ("robot/test_belief",),
     "robot/landmark/block_arrow": ("robot/landmark/test_marginals",),
     "robot/landmark/graph": ("robot/landmark/test_landmark_graph",),

@@ -15,6 +15,7 @@ from explore_bench.geometry import (
     compose,
     distance_to_segment,
     place_of,
+    room_within,
     wrap_angle,
 )
 
@@ -194,6 +195,15 @@ def test_a_point_amid_the_grid_reaches_a_disc_of_cells():
     assert np.flatnonzero(grid.in_reach(middle, 0.5)[0]).tolist() == [2, 6, 7, 8, 12]
     assert np.flatnonzero(grid.in_reach(middle, 0.71)[0]).tolist() == [1, 2, 3, 6, 7, 8, 11, 12, 13]
     assert np.flatnonzero(grid.in_reach(middle, 0.0)[0]).tolist() == [7]
+
+
+@pytest.mark.parametrize("reach", [0.3, 0.5, 2.0, 6.2, 15.0])
+def test_there_is_room_for_all_that_is_in_reach_wherever_one_stands(reach):
+    grid, rng = Grid(40, 50, 0.5, -1.0, 2.0), np.random.default_rng(0)
+    places = rng.uniform((-1.0, 2.0), (19.0, 27.0), (200, 2))
+    most = grid.in_reach(places, reach).sum(axis=1).max()
+    cells, ways = room_within(grid, reach)
+    assert most <= len(cells) == len(ways) <= 2000
 
 
 # Segments

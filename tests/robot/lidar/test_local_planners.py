@@ -222,7 +222,11 @@ def test_clearance_is_exact_at_centres_linear_between_and_none_off_the_grid():
     assert clearance_at(field, grid, -0.25, 2.75) == 5.0
     assert clearance_at(field, grid, 0.0, 2.5) == 3.5
     assert clearance_at(field, grid, 0.45, 2.1) == 2.0, "no centre is farther out"
-    assert clearance_at(field, grid, 0.51, 2.1) == 0.0
+    for outside in ((0.51, 2.1), (-1.01, 2.1), (0.4, 1.99), (0.4, 3.01)):
+        assert clearance_at(field, grid, *outside) == 0.0
+    assert [clearance_at(field, grid, *corner) for corner in ((-1.0, 2.0), (0.5, 2.0), (0.5, 3.0), (-1.0, 3.0))] == [
+        *(0.0, 2.0, 6.0, 4.0)
+    ]
 
 
 @pytest.mark.parametrize("angle", [3.0, -0.5, 0.05])
