@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from handmade_observations import in_landmark_world, in_lidar_world, letters_of
+from lidar_worlds import SMALL
 from test_visible import OPENINGS, TWO_ENDS, by_letter
 
 from baselines.field import terms
@@ -34,6 +35,8 @@ from explore_bench.runs.suites import plan
 from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import make_strategy
 from explore_bench.strategies.registry import strategies
+from explore_bench.trial.run import run_trial
+from explore_bench.trial.spec import Status, TrialSpec
 
 FIELD = {name: entry for name, entry in strategies().items() if entry.factory.startswith("baselines.field")}
 MIRRORED = (
@@ -481,6 +484,18 @@ def test_the_field_takes_part_in_its_own_suites_only(name):
 def test_a_rule_that_degenerates_on_2_m_cells_is_refused_in_a_landmark_world(name):
     with pytest.raises(RequestError, match=f"strategy '{name}' runs in worlds of kind lidar, not 'landmark'"):
         plan("field", [name])
+
+
+ONE_EACH = list({entry.factory: name for name, entry in reversed(FIELD.items())}.values())
+"""A name for every factory."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ONE_EACH)
+def test_every_rule_explores_a_lidar_world(name):
+    entry = FIELD[name]
+    ended = run_trial(TrialSpec(name, entry.factory, SMALL, 0, dict(entry.parameters), purpose="calibrate"))
+    assert ended.status is Status.EXPLORED, ended.reason
 
 
 NUMBERS = {
