@@ -69,7 +69,7 @@ def every_field(spec):
 
 def test_the_suites_of_the_benchmark():
     landmarks = ["smoke", "table2", "table3", "layers", "cells", "paper", "robustness", "maps"]
-    assert list(SUITES) == [*landmarks, "stage", "plans", "figure16", "field", "field-stage"]
+    assert list(SUITES) == [*landmarks, "stage", "plans", "figure16", "field", "field-stage", "confirmation"]
     assert all(suite.description for suite in SUITES.values())
 
 
@@ -137,7 +137,7 @@ def test_the_field_runs_in_the_worlds_of_the_stage_too_with_what_needs_fine_maps
     assert asked.elsewhere == ()
 
 
-@pytest.mark.parametrize("suite", [name for name in SUITES if not name.startswith("field")])
+@pytest.mark.parametrize("suite", [name for name in SUITES if name not in ("field", "field-stage", "confirmation")])
 def test_no_other_suite_takes_the_field(all_trained, suite):
     assert not {spec.strategy for spec in plan(suite, trials=1).specs} & FIELD
 
