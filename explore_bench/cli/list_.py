@@ -21,10 +21,10 @@ def list_(what: str) -> None:
     if what == "strategies":
         from explore_bench.strategies.registry import strategies
 
-        rows = [("name", "label", "tables", "state", "parameters")]
+        rows = [("name", "label", "tables and suites", "state", "parameters")]
         for name, entry in strategies().items():
             state, count, note = _state(entry)
-            rows.append((name, entry.label, ", ".join(entry.tables), state, count))
+            rows.append((name, entry.label, ", ".join((*entry.tables, *entry.suites)) or "–", state, count))
             notes += [f"{name}: {note}"] if note else []
     elif what == "scenarios":
         from explore_bench.world.scenarios import SCENARIOS

@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+import re
 import subprocess
 import sys
 import threading
@@ -67,9 +68,11 @@ def test_trials_of_one_thread_share_a_process_and_those_of_another_have_theirs()
 
 def test_a_trial_that_hangs_is_stopped_and_the_next_has_another_process(tmp_path):
     """What hung may have left threads, locks or a full memory."""
-    parcel = parcel_of(write_plugin(tmp_path, "while True: pass"), timeout=1.0)
-    outcome = run_apart(parcel).outcome
-    assert outcome.reason == "took longer than the 1 s allowed (at decision 1)"
+    plugin = write_plugin(tmp_path, "while True: pass")
+    outcome = run_apart(parcel_of(plugin, timeout=1.0)).outcome
+    assert re.fullmatch(
+        r"took longer than the 1 s allowed \(at decision 1\), in \S+plugin\.py:14: while True: pass", outcome.reason
+    )
     assert outcome.steps > 0, "the rows up to there are kept"
     assert apart._own.process is None
 
