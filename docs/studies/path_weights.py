@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,16 +41,13 @@ SWEEPS = {
 SIZES = (20.0, 30.0, 40.0)
 WORLDS = 20
 
-HERE = Path(__file__).parent
-TABLE = HERE / "path-weights.csv"
 
-
-def swept(name: str, store: Store, workers: int) -> list[dict[str, object]]:
+def swept(name: str, sweep: Sweep, store: Store, workers: int) -> list[dict[str, object]]:
     """Run the sweep of a strategy and print a line a value; returns the lines."""
     specs = plan("paper", [name], SIZES, WORLDS, purpose="calibrate").specs
     rows = []
-    for value in SWEEPS[name].values:
-        own = [dataclasses.replace(spec, parameters={SWEEPS[name].parameter: value}) for spec in specs]
+    for value in sweep.values:
+        own = [dataclasses.replace(spec, parameters={**spec.parameters, sweep.parameter: value}) for spec in specs]
         for _ in execute(list(missing(store, own)), store, workers):
             pass
         records = [store.find(spec) for spec in own]
@@ -67,23 +65,23 @@ def swept(name: str, store: Store, workers: int) -> list[dict[str, object]]:
     return rows
 
 
-def main() -> None:
-    """Run the sweeps asked for and put them in the place of those stored."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def tune(description: str | None, sweeps: Mapping[str, Sweep], file: Path) -> None:
+    """Run the sweeps that the command line asks for and put them in the place of those stored in a file."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--store", type=Path, default=Path("results/calibration"))
     parser.add_argument("--workers", type=int, default=default_workers())
-    parser.add_argument("strategies", nargs="*", choices=[[], *SWEEPS], default=[])
+    parser.add_argument("strategies", nargs="*", choices=[[], *sweeps], default=[])
     asked = parser.parse_args()
     store = Store(asked.store)
     store.open(0, "calibrate", scenario=None)
-    for name in asked.strategies or SWEEPS:
-        rows = pd.DataFrame(swept(name, store, asked.workers))
-        known = pd.read_csv(TABLE) if TABLE.exists() else rows.iloc[:0]
-        order = list(SWEEPS)
+    for name in asked.strategies or sweeps:
+        rows = pd.DataFrame(swept(name, sweeps[name], store, asked.workers))
+        known = pd.read_csv(file) if file.exists() else rows.iloc[:0]
+        order = list(sweeps)
         table = pd.concat((known[known["strategy"] != name], rows), ignore_index=True)
         table = table.sort_values("strategy", key=lambda names: names.map(order.index), kind="stable")
-        table.to_csv(TABLE, index=False, float_format="%.4f")
+        table.to_csv(file, index=False, float_format="%.4f")
 
 
 if __name__ == "__main__":
-    main()
+    tune(__doc__, SWEEPS, Path(__file__).with_name("path-weights.csv"))
