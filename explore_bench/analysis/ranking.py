@@ -21,7 +21,7 @@ from explore_bench.analysis.tables import by_world, own_metrics
 from explore_bench.strategies.registry import entry_named, in_order
 
 COMPARED = "table2"
-"""Table whose strategies are ranked: ablations would bury them."""
+"""Table whose strategies are ranked, beside those of no table: ablations would bury them."""
 
 Place = tuple[str, float]
 """Scenario and size [m] of some trials."""
@@ -93,12 +93,11 @@ def places_of(trials: pd.DataFrame) -> list[Place]:
 def standings(trials: pd.DataFrame, references: Collection[str]) -> list[Standing]:
     """Rank the compared strategies of some trials, best first; `references`, told the truth, come after all others.
 
-    Where no strategy of the table of comparisons ran, all are ranked. One that lacks a place comes after those that
-    lack none.
+    Where none but ablations ran, all are ranked. One that lacks a place comes after those that lack none.
     """
     names = in_order(trials["strategy"])
-    compared = [name for name in names if COMPARED in entry_named(name).tables and name not in references]
-    shown = [name for name in names if not compared or COMPARED in entry_named(name).tables]
+    compared = [name for name in names if _is_compared(name)]
+    shown = compared if set(compared) - set(references) else names
     metrics, places = ranking_metrics(trials), places_of(trials)
     groups = dict(list(trials.groupby(["strategy", "scenario", "size"])))
     found = []
@@ -114,6 +113,11 @@ def standings(trials: pd.DataFrame, references: Collection[str]) -> list[Standin
             found.append(Standing(name, means, _score(means)))
     complete = len(places) * len(metrics)
     return sorted(found, key=lambda own: (own.strategy in references, len(own.means) < complete, own.score))
+
+
+def _is_compared(name: str) -> bool:
+    tables = entry_named(name).tables
+    return COMPARED in tables or not tables
 
 
 def _score(means: dict[tuple[Place, str], Estimate]) -> float:

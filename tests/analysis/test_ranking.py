@@ -67,6 +67,11 @@ def test_ablations_are_ranked_only_where_nothing_else_ran():
     assert names(standings(pd.concat([*ablations, rows("random", 3.0, 0.5)]), ())) == ["random"]
 
 
+def test_a_rule_of_the_field_is_ranked_beside_the_compared_ones_and_an_ablation_is_not():
+    trials = pd.concat([rows("nearest", 1.0, 2.0), rows("frontier-tour", 0.5, 2.0), rows("no-state", 0.1, 9.0)])
+    assert names(standings(trials, ())) == ["frontier-tour", "nearest"]
+
+
 def test_a_strategy_that_nobody_registered_is_ranked():
     trials = pd.concat([rows("mine.py:Mine", 1.0, 2.0), rows("random", 3.0, 0.5)])
     assert names(standings(trials, ())) == ["mine.py:Mine", "random"]
