@@ -133,10 +133,11 @@ def paired(a: pd.DataFrame, b: pd.DataFrame, metric: str, matched: bool = False)
 
 def _by_seed(trials: pd.DataFrame, metric: str) -> dict[int | None, dict[int, float]]:
     """Values by training seed, None for what is not learned, and world."""
-    return {
-        None if pd.isna(seed) else int(seed): dict(zip(own["trial"].tolist(), own[metric].tolist(), strict=True))
-        for seed, own in trials.groupby("training_seed", dropna=False)
-    }
+    found: dict[int | None, dict[int, float]] = {}
+    seeds = trials["training_seed"].to_numpy(dtype=float, na_value=np.nan).tolist()
+    for seed, world, value in zip(seeds, trials["trial"].tolist(), trials[metric].tolist(), strict=True):
+        found.setdefault(None if math.isnan(seed) else int(seed), {})[world] = value
+    return {seed: found[seed] for seed in sorted(found, key=lambda seed: (seed is None, seed))}
 
 
 def crossed_p(differences: np.ndarray, a: np.ndarray | None, b: np.ndarray | None) -> float:

@@ -228,13 +228,12 @@ def paired_table(trials: pd.DataFrame) -> Table:
     header = ["size [m]", "A", "B", "n", *(f"{heading(METRICS[name])}: A − B" for name in PAIRED_METRICS)]
     rows, scopes = [], []
     for size in sorted(set(trials["size"])):
-        here = trials[trials["size"] == size]
-        names = [n for (n, s), _ in groups_of(here) if not entry_of(n).reference]
-        for a, b in itertools.combinations(names, 2):
-            pair = [here[here["strategy"] == name] for name in (a, b)]
-            both = set(pair[0]["trial"]) & set(pair[1]["trial"])
-            cells = [paired_text(by_world(pair[0], name), by_world(pair[1], name)) for name in PAIRED_METRICS]
-            rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both)), *cells))
+        cells = {name: cell for (name, s), cell in groups_of(trials) if s == size and not entry_of(name).reference}
+        values = {name: [by_world(cell, metric) for metric in PAIRED_METRICS] for name, cell in cells.items()}
+        for a, b in itertools.combinations(cells, 2):
+            both = values[a][0].keys() & values[b][0].keys()
+            texts = [paired_text(own, other) for own, other in zip(values[a], values[b], strict=True)]
+            rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both)), *texts))
             scopes.append(Scope((a, b), size))
     note = "Mean difference over the worlds that both tried, scored as above [95 % BCa bootstrap interval]."
     title = "Differences between strategies, paired by world"
