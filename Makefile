@@ -13,8 +13,8 @@ suite = ($(BIN)/explore-bench run $(1) --results $(2); status=$$?; \
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench bench-smoke calibrate clean confirm docs field gate lint maps mutate perf plans report reproduce \
-  robustness setup stage test test-slow torture train
+.PHONY: bench bench-smoke calibrate clean confirm docs field gate lint maps mutate mutate-kernels perf plans report \
+  reproduce robustness setup stage test test-slow torture train
 
 bench: $(READY)          ## Run the paper suite, then write every table and figure; Figure 16 into results/figure16
 	@$(call suite,paper,results); status=$$?; $(call suite,figure16,results/figure16) && exit $$status
@@ -57,6 +57,10 @@ mutate: $(READY)         ## Which changes of metrics, statistics, claims and gat
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[mutation]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
+
+mutate-kernels: $(READY) ## Which of a sample of changes of compiled functions no test notices; an hour
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[mutation]'
+	$(BIN)/python tests/mutate_kernels.py
 
 perf: $(READY)           ## Where a step's time goes
 	$(BIN)/explore-bench perf
