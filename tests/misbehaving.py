@@ -21,7 +21,8 @@ HARMLESS = {
         NEAREST,
     ),
     "changes the robot": (
-        "from explore_bench.trial.landmark.explorer import LandmarkExplorer as E\nE.explored = property(lambda s: 1.0)",
+        "from explore_bench.trial.landmark.explorer import LandmarkExplorer as E\n"
+        "E.explored = property(lambda s: 1.0, lambda s, v: None)",
         NEAREST,
     ),
     "changes numpy": ("import numpy as np\nnp.argsort = lambda values, **options: np.zeros(len(values), int)", NEAREST),

@@ -263,22 +263,20 @@ def test_the_package_is_installed_runs_is_reported_and_keeps_the_contract(tmp_pa
         assert found.returncode == 0, f"{command}\n{found.stdout}\n{found.stderr}"
         return found.stdout
 
-    assert "next-best-view" not in call("explore-bench list")
+    assert "nearby-view" not in call("explore-bench list")
     output = [call(command) for command in commands]
     assert "Successfully installed explore-bench-frontier" in output[0]
-    assert re.search(
-        r"^next-best-view +Next-best view +table2, table3 +ready$", call("explore-bench list"), re.MULTILINE
-    )
+    assert re.search(r"^nearby-view +Nearby view +table2, table3 +ready$", call("explore-bench list"), re.MULTILINE)
     results = tmp_path / "frontier"
     table = pd.read_csv(results / "trials.csv")
     assert set(table["status"]) == {"explored"}
-    assert set(table["strategy"]) == {"next-best-view", "next-best-view[decay=0.5]", "largest-view"}
-    labels = ("Next-best view", "Next-best view [decay=0.5]", "Largest view")
+    assert set(table["strategy"]) == {"nearby-view", "nearby-view[decay=0.5]", "largest-view"}
+    labels = ("Nearby view", "Nearby view [decay=0.5]", "Largest view")
     for name in ("tables/means.md", "tables/details.md", "tables/paired.md", "report.html"):
         text = (results / name).read_text()
         assert all(label in text for label in labels), name
     claims = (results / "claims.md").read_text()
-    assert "Next-best view has" in claims
+    assert "Nearby view has" in claims
     assert "than Largest view at 20 m" in claims
     assert re.search(r"\d+ passed", output[3])
     [factory] = (tmp_path / "venv").glob("lib/python*/site-packages/explore_bench_frontier/next_best_view.py")

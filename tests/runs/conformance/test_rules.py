@@ -161,8 +161,12 @@ def test_a_sound_strategy_keeps_the_whole_contract():
         assert finding.verdict is Verdict.OK, finding
 
 
+FIRST_OF = {strategies()[name].factory: name for name in reversed(READY)}
+"""The first strategy of each factory; rules of the field differ from others of theirs in a constant alone."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", READY)
+@pytest.mark.parametrize("name", [n for n in READY if strategies()[n].tables or FIRST_OF[strategies()[n].factory] == n])
 def test_every_registered_strategy_keeps_the_contract(name):
     for finding in check(name, GENEROUS):
         assert finding.ok, finding

@@ -5,6 +5,6 @@ from explore_bench import Entry
 _FACTORY = "explore_bench_frontier.next_best_view:NextBestView"
 
 STRATEGIES = {
-    "next-best-view": Entry(_FACTORY, "Next-best view", "#2f4f8f"),
+    "nearby-view": Entry(_FACTORY, "Nearby view", "#2f4f8f"),
     "largest-view": Entry(_FACTORY, "Largest view", "#8f2f4f", parameters={"decay": 0.0}),
 }

@@ -6,7 +6,7 @@ CLAIMS = (
     Claim(
         "frontier",
         "The way matters: weighing what is in view against it explores better than the view alone.",
-        comparisons("next-best-view", ["largest-view"], ["trajectory_error", "exploration_efficiency"], [20.0]),
+        comparisons("nearby-view", ["largest-view"], ["trajectory_error", "exploration_efficiency"], [20.0]),
         architecture=False,
     ),
 )
