@@ -33,7 +33,7 @@ from explore_bench.analysis.gate.thresholds import load_thresholds
 from explore_bench.errors import RequestError
 from explore_bench.records.encoding import read_record
 from explore_bench.records.provenance import trial_key
-from explore_bench.records.store import Store, missing
+from explore_bench.records.store import HALF, Store, missing
 from explore_bench.runs import runner
 from explore_bench.runs.runner import check_runnable, complete
 from explore_bench.runs.workers import process
@@ -91,9 +91,9 @@ def told(arguments: list[str], limit: float = LONG) -> tuple[int, str]:
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """All that a results folder says, but the times."""
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != "times.csv")
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+    """All that a results folder says, but the times; what a killed process had half written says nothing."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and not HALF.search(path.name))
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files if path.name != "times.csv"}
 
 
 def differing(found: Path, expected: Path) -> str:

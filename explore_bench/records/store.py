@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -36,6 +37,9 @@ from explore_bench.world.scenarios import PAPER
 PROTOCOL_FILE = "protocol.json"
 DAMAGED_FOLDER = "damaged"
 """Where shards are moved that are not what was written."""
+
+HALF = re.compile(r"\.[0-9a-f]{32}$")
+"""How the name ends of a file that `write_whole` has not put in its place yet."""
 
 ABANDONED_SECONDS = 3600.0
 """A file half written for so long is that of a process that was killed."""
@@ -76,7 +80,7 @@ class Store:
             file = self.runs / PROTOCOL_FILE
             if not file.exists():
                 write_whole(file, json.dumps(protocol))
-            _remove_abandoned(self.runs)
+            _remove_abandoned(self.folder)
         except OSError as error:
             raise RequestError(
                 f"results folder '{self.folder}' cannot be written ({error.strerror}); give another with --results."
@@ -237,9 +241,9 @@ def _name(scenario: Scenario | None) -> str:
 
 
 def _remove_abandoned(folder: Path) -> None:
-    """Remove what killed processes had half written; files of others that write now are younger."""
-    for half in folder.glob(".*"):
-        if time.time() - half.stat().st_mtime > ABANDONED_SECONDS:
+    """Remove what killed processes had half written, here and in what lies within; what others write now is younger."""
+    for half in folder.rglob(".*"):
+        if HALF.search(half.name) and time.time() - half.stat().st_mtime > ABANDONED_SECONDS:
             half.unlink(missing_ok=True)
 
 

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -11,11 +12,12 @@ import pyarrow.parquet as pq
 import pytest
 from handmade import TINY, tiny_plan, write_plugin
 
+from explore_bench import files
 from explore_bench.errors import RequestError
 from explore_bench.records import encoding
 from explore_bench.records.encoding import METADATA_KEY, comparable, read_record, read_replay, renamed
 from explore_bench.records.provenance import trial_key
-from explore_bench.records.store import PROTOCOL_FILE, Store, missing
+from explore_bench.records.store import HALF, PROTOCOL_FILE, Store, missing
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.run import run_trial
 from explore_bench.trial.snapshot import REPLAY_COLUMNS, unpack_ellipses, unpack_map
@@ -724,14 +726,31 @@ def test_the_scenario_of_a_record_is_equal_to_the_one_that_ran(stored):
 
 
 def test_what_a_killed_process_had_half_written_is_removed_later_and_what_is_being_written_is_not(own_store):
-    old, young = (own_store.runs / f".{name}.parquet.0123" for name in ("old", "young"))
-    for half in (old, young):
-        half.write_bytes(b"PAR1")
-    an_hour_ago = old.stat().st_mtime - 3601.0
-    os.utime(old, (an_hour_ago, an_hour_ago))
+    figures = own_store.folder / "figures"
+    figures.mkdir()
+    places = (own_store.runs, own_store.folder, figures)
+    old, young = ([place / f".file.{digit * 32}" for place in places] for digit in "ab")
+    own = own_store.folder / ".gitignore"
+    for path in (*old, *young, own):
+        path.write_bytes(b"PAR1")
+    an_hour_ago = own.stat().st_mtime - 3601.0
+    for path in (*old, own):
+        os.utime(path, (an_hour_ago, an_hour_ago))
     own_store.open(0, "evaluate", TINY)
-    assert not old.exists()
-    assert young.exists()
+    assert [path.exists() for path in old] == [False] * 3
+    assert [path.exists() for path in (*young, own)] == [True] * 4, "of those who write now, or of the user"
+
+
+def test_a_file_half_written_is_known_by_its_name(own_store, monkeypatch):
+    def killed(file: int) -> None:
+        raise SystemExit
+
+    monkeypatch.setattr(files.os, "fsync", killed)
+    monkeypatch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
+    with pytest.raises(SystemExit):
+        files.write_whole(own_store.folder / "times.csv", "half")
+    (half,) = own_store.folder.glob(".times.csv*")
+    assert HALF.search(half.name)
 
 
 def test_what_a_reference_says_of_the_world_is_kept(stored):
