@@ -436,6 +436,42 @@ def learning_causes() -> str:
     return markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
 
 
+def search() -> str:
+    """Configurations that the search trained to their length, and what their best validation was."""
+    table = pd.read_csv(STUDIES / "search.csv")
+    table = table[table["objective"].notna()].sort_values(["strategy", "objective"], ascending=[False, True])
+    shown = pd.DataFrame(
+        {
+            "strategy": [f"`{name}`" for name in table["strategy"]],
+            "configuration": ["shipped" if number == 0 else str(number) for number in table["configuration"]],
+            "width": table["width"],
+            "dropout": table["dropout"],
+            "γ": table["discount"],
+            "rate": table["rate"],
+            "episodes": table["episodes"],
+            "best until 1,000": [signed_text(value, 3) for value in table["objective_at_the_cut"]],
+            "best": [signed_text(value, 3) for value in table["objective"]],
+            "after": table["best_after"].astype(int),
+        }
+    )
+    return markdown(shown)
+
+
+def search_margins() -> str:
+    """The best configuration of a search beside the shipped weights in worlds that chose nothing."""
+    table = pd.read_csv(STUDIES / "search-margins.csv").sort_values("strategy", ascending=False, kind="stable")
+    seeds = {side: [name for name in table.columns if name.startswith(f"{side}, seed")] for side in ("best", "shipped")}
+    rows = []
+    for row in table.to_dict("records"):
+        own = {"strategy": f"`{row['strategy']}`", "configuration": row["configuration"], "size [m]": f"{row['size']:g}"}
+        for side, names in seeds.items():
+            each = sorted(row[name] for name in names)
+            own[side] = f"{signed_text(row[side], 2)} ({signed_text(each[0], 2)} to {signed_text(each[-1], 2)})"
+        estimate = Estimate(row["difference"], row["low"], row["high"], row["worlds"])
+        rows.append({**own, "difference, 95 % interval": interval_text(estimate)})
+    return markdown(pd.DataFrame(rows))
+
+
 def margins() -> str:
     """Relative differences of e and η between pairs of strategies, paired by world; bold where A is clearly better."""
     trials = _trials()
@@ -601,6 +637,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "margins": margins,
     "regrets": regrets,
     "learning-causes": learning_causes,
+    "search": search,
+    "search-margins": search_margins,
 }
 
 

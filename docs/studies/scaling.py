@@ -38,7 +38,7 @@ WINDOW = 100
 
 
 def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
-    """Run one trial for at most so many steps and tell what it cost; times in ms, memory in MiB."""
+    """Run one trial for at most so many steps and tell what it cost; CPU times in ms, memory in MiB."""
     _, entry = lookup(name)
     scenario = PAPER.replace(size=size)
     drawn, motion, sensor, choosing = (
@@ -52,23 +52,23 @@ def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
     steps: list[float] = []
     decisions: list[float] = []
     candidates: list[int] = []
-    before = time.perf_counter()
+    before = time.process_time()
     while len(rows) <= most:
         try:
             event = events.send(answer)
         except StopIteration as end:
             status = end.value.status.value
             break
-        now = time.perf_counter()
+        now = time.process_time()
         answer = None
         if isinstance(event, Observation):
             candidates.append(len(event.candidates))
             answer = strategy.choose(event)
-            decisions.append(time.perf_counter() - before)  # frontiers, paths and the choice
+            decisions.append(time.process_time() - before)  # frontiers, paths and the choice
         else:
             rows.append(event)
             steps.append(now - before)
-        before = time.perf_counter()
+        before = time.process_time()
     last = rows[-1]
     final = score(status, max(last.step, 1), last.uncertainty, last.peak_trace, scenario)
     done = status == "explored"
@@ -104,7 +104,7 @@ def kept(folder: Path, name: str, size: float, number: int, most: int) -> dict[s
 
 def draw(table: pd.DataFrame, place: Path) -> None:
     """Draw cost, memory and steps over the number of cells."""
-    panels = {"last_step_ms": "step at the end [ms]", "last_decision_ms": "decision at the end [ms]"}
+    panels = {"last_step_ms": "step at the end [CPU ms]", "last_decision_ms": "decision at the end [CPU ms]"}
     panels |= {"memory": "memory [MiB]", "steps": "steps"}
     with styled():
         figure, grid = plt.subplots(1, len(panels), figsize=(11.5, 3.4))
