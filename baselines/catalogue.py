@@ -38,7 +38,14 @@ def _weights() -> dict[str, dict[int, str]]:
 
 _PAPER, _SHIPPED = _published(), _weights()
 _TABLE2, _TABLE3, _LAYERS, _CELLS = ("table2",), ("table3",), ("layers",), ("cells",)
-_PLANS, _FIGURE16, _FIELD = ("plans",), ("figure16",), ("field", "field-stage")
+_PLANS, _FIGURE16 = ("plans",), ("figure16",)
+_WAY, _VIEW, _MAP, _ROBOT, _LEARNED, _CHANCE = (
+    *(("field-way",), ("field-view",), ("field-map",)),
+    *(("field-robot",), ("field-learned",), ("field-chance",)),
+)
+"""Parts of the suites `field` and `field-stage`, by what a rule looks at: how far it is, what is in view there, what
+the map or the robot's certainty gains, what a network makes of all that, nothing."""
+
 _STNN, _GCN, _TRAINER = (
     "baselines.learned.graph_stnn:strategy",
     "baselines.learned.gcn:strategy",
@@ -50,28 +57,41 @@ ENTROPY_WEIGHT = 0.1
 
 STRATEGIES: dict[str, Entry] = {}
 
+CONTROLS: dict[str, tuple[str, ...]] = {}
+"""Rules of others, each with those that show what a term of it does: the same rule, or a plainer one, without it."""
+
 
 def _add(name: str, factory: str, label: str, tables: tuple[str, ...], **options: Any) -> None:
     STRATEGIES[name] = Entry(factory, label, COLORS[name], tables=tables, published=_PAPER[name], **options)
 
 
-def _field(name: str, factory: str, label: str, *, kinds: tuple[str, ...] = (), **parameters: Any) -> None:
+def _field(
+    name: str,
+    family: tuple[str, ...],
+    factory: str,
+    label: str,
+    *,
+    controls: tuple[str, ...] = (),
+    kinds: tuple[str, ...] = (),
+    **parameters: Any,
+) -> None:
     """Add a rule of others that is in no table of the paper; its constants are the factory's but for these."""
-    suites = _FIELD if not kinds else ("field-stage",)
-    _add(name, f"baselines.field.{factory}", label, (), suites=suites, kinds=kinds, parameters=parameters)
+    _add(name, f"baselines.field.{factory}", label, (), suites=family, kinds=kinds, parameters=parameters)
+    if controls:
+        CONTROLS[name] = controls
 
 
 def _learned(name: str, factory: str, label: str, tables: tuple[str, ...], **options: Any) -> None:
     _add(name, factory, label, tables, trainer=_TRAINER, weights=_SHIPPED[name], **options)
 
 
-_learned("graph-stnn", _STNN, "Graph-STNN", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16, *_FIELD))
+_learned("graph-stnn", _STNN, "Graph-STNN", (*_TABLE2, *_TABLE3, *_LAYERS), suites=(*_PLANS, *_FIGURE16, *_LEARNED))
 _learned(
     "belief-attention",
     "baselines.learned.belief_attention:strategy",
     "Belief attention (ours)",
     _TABLE2,
-    suites=(*_PLANS, *_FIELD),
+    suites=(*_PLANS, *_LEARNED),
     formerly=("graph-stnn-plus",),
 )
 _learned("graph-stnn-path", _STNN, "Graph-STNN, path length", _TABLE2, parameters={"distance": "path"})
@@ -101,7 +121,7 @@ for _name, _off in (
     _learned(
         f"{_name}-cell", _STNN, f"{_label}, entropy of the cell", _CELLS, parameters={**_switches, "entropy": "cell"}
     )
-_add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=(*_PLANS, *_FIELD))
+_add("entropy", "baselines.entropy:Entropy", "Entropy", _TABLE2, suites=(*_PLANS, *_ROBOT))
 _add(
     "entropy-path",
     "baselines.entropy:Entropy",
@@ -114,23 +134,24 @@ _add(
     "baselines.entropy_per_metre:EntropyPerMetre",
     "Entropy per metre (ours)",
     _TABLE2,
-    suites=_FIELD,
+    suites=_MAP,
 )
-_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", _TABLE2, suites=_FIELD)
-_add("random", "baselines.random_walk:Random", "Random", _TABLE2, suites=(*_PLANS, *_FIELD))
+_add("uncertainty", "baselines.uncertainty:Uncertainty", "Uncertainty", _TABLE2, suites=_ROBOT)
+_add("random", "baselines.random_walk:Random", "Random", _TABLE2, suites=(*_PLANS, *_CHANCE))
 _add(
     "nearest",
     "baselines.nearest:Nearest",
     "Nearest",
     _TABLE2,
     baseline=True,
-    suites=(*_PLANS, *_FIGURE16, *_FIELD),
+    suites=(*_PLANS, *_FIGURE16, *_WAY),
 )
 _add(
     "clairvoyant",
     "baselines.reference.clairvoyant:Clairvoyant",
     "Clairvoyant",
     _TABLE2,
+    suites=("field",),
     reference=True,
     plans=("t90", "regret", "regret_most"),
     kinds=("landmark",),
@@ -148,40 +169,86 @@ _add(
 
 # The field: rules of others, and controls with one term off (docs/field.md)
 _LIDAR = ("lidar",)
-_field("distance-advantage", "scores:DistanceAdvantage", "Distance advantage")
-_field("remoteness", "scores:DistanceAdvantage", "Distance advantage, no distance", distance=0.0)
-_field("cost-utility", "scores:CostUtility", "Cost–utility")
-_field("cost-utility-code", "scores:CostUtility", "Cost–utility, as its code", resolution=0.05)
-_field("cost-utility-no-size", "scores:CostUtility", "Cost–utility, no size", size=0.0)
-_field("information-gain", "scores:InformationGain", "Information gain")
-_field("visible-per-metre", "scores:VisiblePerMetre", "Visible unknown per metre")
-_field("heading-aware", "scores:HeadingAware", "Heading-aware gain")
-_field("heading-aware-no-heading", "scores:HeadingAware", "Heading-aware gain, no heading", turning=0.0)
-_field("heading-aware-no-distance", "scores:HeadingAware", "Heading-aware gain, no distance", decay=0.0)
-_field("visible-unknown", "scores:HeadingAware", "Visible unknown", decay=0.0, turning=0.0)
-_field("burgard", "scores:Burgard", "Burgard")
-_field("makarenko", "scores:Makarenko", "Makarenko")
-_field("makarenko-no-information", "scores:Makarenko", "Makarenko, no information", information=0.0)
-_field("makarenko-no-navigation", "scores:Makarenko", "Makarenko, no navigation", navigation=0.0)
-_field("makarenko-no-localizability", "scores:Makarenko", "Makarenko, no localizability", localizability=0.0)
-_field("entropy-reduction", "scores:EntropyReduction", "Expected entropy reduction")
-_field("rrt-revenue", "scores:RrtRevenue", "RRT revenue", kinds=_LIDAR)
-_field("rrt-revenue-no-hysteresis", "scores:RrtRevenue", "RRT revenue, no hysteresis", kinds=_LIDAR, hysteresis=1.0)
-_field("next-best-view", "sampled:NextBestView", "Next best view")
-_field("next-best-view-no-distance", "sampled:NextBestView", "Next best view, no distance", decay=0.0)
-_field("bayesian-optimization", "sampled:BayesianOptimization", "Bayesian optimization")
+_field("distance-advantage", _WAY, "scores:DistanceAdvantage", "Distance advantage", controls=("remoteness", "nearest"))
+_field("remoteness", _WAY, "scores:DistanceAdvantage", "Distance advantage, no distance", distance=0.0)
+_field("cost-utility", _WAY, "scores:CostUtility", "Cost–utility", controls=("cost-utility-no-size",))
+_field(
+    "cost-utility-code",
+    _WAY,
+    "scores:CostUtility",
+    "Cost–utility, as its code",
+    controls=("cost-utility",),
+    resolution=0.05,
+)
+_field("cost-utility-no-size", _WAY, "scores:CostUtility", "Cost–utility, no size", size=0.0)
+_field("information-gain", _VIEW, "scores:InformationGain", "Information gain", controls=("visible-unknown", "nearest"))
+_field(
+    "visible-per-metre",
+    _VIEW,
+    "scores:VisiblePerMetre",
+    "Visible unknown per metre",
+    controls=("visible-unknown", "cost-utility-no-size"),
+)
+_field(
+    "heading-aware",
+    _VIEW,
+    "scores:HeadingAware",
+    "Heading-aware gain",
+    controls=("heading-aware-no-heading", "heading-aware-no-distance"),
+)
+_field("heading-aware-no-heading", _VIEW, "scores:HeadingAware", "Heading-aware gain, no heading", turning=0.0)
+_field("heading-aware-no-distance", _VIEW, "scores:HeadingAware", "Heading-aware gain, no distance", decay=0.0)
+_field("visible-unknown", _VIEW, "scores:HeadingAware", "Visible unknown", decay=0.0, turning=0.0)
+_field("burgard", _WAY, "scores:Burgard", "Burgard", controls=("nearest",))
+_field(
+    "makarenko",
+    _ROBOT,
+    "scores:Makarenko",
+    "Makarenko",
+    controls=("makarenko-no-information", "makarenko-no-navigation", "makarenko-no-localizability"),
+)
+_field("makarenko-no-information", _ROBOT, "scores:Makarenko", "Makarenko, no information", information=0.0)
+_field("makarenko-no-navigation", _ROBOT, "scores:Makarenko", "Makarenko, no navigation", navigation=0.0)
+_field("makarenko-no-localizability", _ROBOT, "scores:Makarenko", "Makarenko, no localizability", localizability=0.0)
+_field(
+    "entropy-reduction", _MAP, "scores:EntropyReduction", "Expected entropy reduction", controls=("visible-unknown",)
+)
+_field("rrt-revenue", _VIEW, "scores:RrtRevenue", "RRT revenue", controls=("rrt-revenue-no-hysteresis",), kinds=_LIDAR)
+_field(
+    "rrt-revenue-no-hysteresis", _VIEW, "scores:RrtRevenue", "RRT revenue, no hysteresis", kinds=_LIDAR, hysteresis=1.0
+)
+_field("next-best-view", _VIEW, "sampled:NextBestView", "Next best view", controls=("next-best-view-no-distance",))
+_field("next-best-view-no-distance", _VIEW, "sampled:NextBestView", "Next best view, no distance", decay=0.0)
+_field(
+    "bayesian-optimization",
+    _MAP,
+    "sampled:BayesianOptimization",
+    "Bayesian optimization",
+    controls=("entropy-reduction",),
+)
 _field(
     "bayesian-optimization-per-metre",
+    _MAP,
     "sampled:BayesianOptimization",
     "Bayesian optimization, per metre",
+    controls=("bayesian-optimization",),
     per_metre=True,
 )
-_field("frontier-tour", "tour:FrontierTour", "Frontier tour")
-_field("exploration-transform", "transform:ExplorationTransform", "Exploration transform", kinds=_LIDAR)
+_field("frontier-tour", _WAY, "tour:FrontierTour", "Frontier tour", controls=("nearest",))
+_field(
+    "exploration-transform",
+    _WAY,
+    "transform:ExplorationTransform",
+    "Exploration transform",
+    controls=("exploration-transform-no-danger",),
+    kinds=_LIDAR,
+)
 _field(
     "exploration-transform-mapex",
+    _WAY,
     "transform:ExplorationTransform",
     "Exploration transform, MapEx",
+    controls=("exploration-transform-no-danger",),
     kinds=_LIDAR,
     danger=50.0,
     margin=1.5,
@@ -189,13 +256,41 @@ _field(
 )
 _field(
     "exploration-transform-no-danger",
+    _WAY,
     "transform:ExplorationTransform",
     "Exploration transform, no danger",
     kinds=_LIDAR,
     danger=0.0,
 )
-_field("graph-d-optimality", "graph_optimality:GraphOptimality", "Graph D-optimality")
-_field("potential-field", "potential:PotentialField", "Potential field (MMPF)")
-_field("potential-field-no-revisits", "potential:PotentialField", "Potential field, no revisits", revisit=0.0)
-_field("joint-entropy", "joint_entropy:JointEntropy", "Joint entropy, loops closed")
-_field("joint-entropy-no-closing", "joint_entropy:JointEntropy", "Joint entropy", closing=False)
+_field("graph-d-optimality", _ROBOT, "graph_optimality:GraphOptimality", "Graph D-optimality")
+_field(
+    "potential-field",
+    _WAY,
+    "potential:PotentialField",
+    "Potential field (MMPF)",
+    controls=("potential-field-no-revisits",),
+)
+_field("potential-field-no-revisits", _WAY, "potential:PotentialField", "Potential field, no revisits", revisit=0.0)
+_field(
+    "joint-entropy",
+    _ROBOT,
+    "joint_entropy:JointEntropy",
+    "Joint entropy, loops closed",
+    controls=("joint-entropy-no-closing",),
+)
+_field("joint-entropy-no-closing", _ROBOT, "joint_entropy:JointEntropy", "Joint entropy", closing=False)
+
+TUNED: dict[str, dict[str, float]] = {}
+"""Constants by rule for which docs/studies/field_tuning.py finds another value than the published one to be best."""
+
+for _name, _constants in TUNED.items():
+    _rule = STRATEGIES[_name]
+    _field(
+        f"{_name}-tuned",
+        _rule.suites,
+        _rule.factory.removeprefix("baselines.field."),
+        f"{_rule.label}, tuned",
+        controls=(_name,),
+        kinds=_rule.kinds,
+        **{**_rule.parameters, **_constants},
+    )

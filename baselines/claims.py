@@ -1,7 +1,13 @@
-"""The four claims of Zhang et al. 2021 (§1, §4.2) as comparisons, and what its §4.2 leaves to be asked of a lidar."""
+"""The four claims of Zhang et al. 2021 (§1, §4.2) as comparisons, and what its §4.2 leaves to be asked of a lidar.
+
+Also what whoever gives a rule a term says of it, of the rules of others: that it helps.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from baselines.catalogue import CONTROLS, STRATEGIES
 from explore_bench import Claim, comparisons
 
 _BOTH = ("trajectory_error", "exploration_efficiency")
@@ -19,6 +25,22 @@ _LIDAR_WORLDS = {
     "hall": "halls",
 }
 """Scenarios of the suites `stage` and `plans`, in words."""
+
+
+def _terms(scenario: str, kind: str, metrics: tuple[str, ...], sizes: tuple[float, ...]) -> Iterator[Claim]:
+    """Every rule of others that runs in a kind of world against its controls, in the metrics that rank there."""
+    for rule, controls in CONTROLS.items():
+        beside = [name for name in controls if STRATEGIES[name].runs_in(kind)]
+        if STRATEGIES[rule].runs_in(kind) and beside:
+            label, others = STRATEGIES[rule].label, "; ".join(STRATEGIES[name].label for name in beside)
+            yield Claim(
+                rule if kind == "landmark" else f"{rule}, {scenario}",
+                f"The terms of {label} help: it explores better than without one of them ({others}).",
+                comparisons(rule, beside, metrics, sizes),
+                architecture=False,
+                scenario=scenario,
+            )
+
 
 CLAIMS = (
     Claim(
@@ -62,5 +84,11 @@ CLAIMS = (
         )
         for which, strategy, whom in (("v", "graph-stnn", "Graph-STNN"), ("vi", "belief-attention", "Belief attention"))
         for where, what in _LIDAR_WORLDS.items()
+    ),
+    *_terms("paper", "landmark", _BOTH, (20.0, 30.0, 40.0)),
+    *(
+        claim
+        for scenario in ("range 10 m", "range 5 m")
+        for claim in _terms(scenario, "lidar", ("l90", "t98_seconds"), (20.0,))
     ),
 )

@@ -9,6 +9,7 @@ is 1 where a page is out of date.
 from __future__ import annotations
 
 import argparse
+import inspect
 import itertools
 import json
 import math
@@ -22,24 +23,32 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+sys.path.insert(0, str(Path(__file__).with_name("studies")))
+
+from field_tuning import SWEEPS
+
 import explore_bench
+from baselines.catalogue import CONTROLS, STRATEGIES
+from explore_bench.analysis.claims import CONTRADICTED, SUPPORTED
 from explore_bench.analysis.csv_files import read_csv
-from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of
+from explore_bench.analysis.metrics import METRICS, REGRETS, all_metrics, metrics_of
 from explore_bench.analysis.paired import paired
 from explore_bench.analysis.ranking import Standing, duels, standings
 from explore_bench.analysis.statistics import Estimate
 from explore_bench.analysis.tables import PAPER_SCENARIO, seed_means
 from explore_bench.report.answer import headline, how_sure, price_of, training_column, training_minutes
 from explore_bench.report.ranking import Column, ranking_columns, ranking_svg
-from explore_bench.report.tables import heading, interval_text, signed_text
+from explore_bench.report.tables import heading, interval_text, p_text, signed_text
 from explore_bench.runs.perf import read_json, text
 from explore_bench.runs.submission.manifest import schema
+from explore_bench.strategies.loading import load_factory
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.snapshot import FINE_COLUMNS, REPLAY_COLUMNS
 from explore_bench.trial.steps import FINAL_COLUMNS, step_columns
 from explore_bench.world.scenarios import PAPER
 
 ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "results"
 STUDIES = ROOT / "docs" / "studies"
 WEIGHTS = ROOT / "baselines" / "weights"
 TOURS = ROOT / "baselines" / "reference" / "tours.csv"
@@ -49,6 +58,17 @@ STAGE_COLUMNS = (
     *("e [m]", "ATE [m]", "NEES", "wall F1, 1 cell", "closures, true", "closures, false", "closures, missed", "C"),
 )
 """Columns of the results in lidar worlds that docs/stage.md shows."""
+FIELD_COLUMNS = {
+    "field": (
+        *("Method", "stuck [%]", "e [m]", "η [m²/step]", "T90 [step]", "L [m]", "R", "crossings", "round trips"),
+        *("decision, median [ms]", "99 % [ms]"),
+    ),
+    "field-stage": (
+        *("Method", "stuck [%]", "L90 [m]", "T98 [s]", "L [m]", "e [m]", "ATE [m]", "crossings", "round trips"),
+        *("decision, median [ms]", "99 % [ms]"),
+    ),
+}
+"""Columns of the results of the suites of the field that docs/field.md shows."""
 VALIDATED, NEAR = (500, 1000, 1500, 2000, 3000, 4500, 6000), 100
 """Episodes at which docs/learning.md tells the validations, and how near to them one has to be."""
 RANKED, WIDE = (20.0, 40.0), 980
@@ -128,20 +148,33 @@ def ranking_table() -> str:
 
 def ranking_words() -> str:
     """Who explores best, how sure that is, and at what price, as the report says it."""
-    trials = _trials()
-    _, names = _ranking()
-    competitors = [name for name in names if not strategies()[name].reference]
+    return _answer(_trials(), _competitors(_ranking()[0]))
+
+
+def _answer(trials: pd.DataFrame, competitors: list[str]) -> str:
+    """The headline and what stands under it."""
     found = duels(trials, competitors)
-    minutes = training_minutes({name: strategies()[name].weights.values() for name in names})
-    said = how_sure(competitors, found), price_of(competitors, minutes)
+    ran = trials[["strategy", "training_seed"]].dropna().drop_duplicates().itertuples(index=False)
+    weights: dict[str, list[str]] = {}
+    for name, seed in ran:
+        weights.setdefault(name, []).append(strategies()[name].weights[seed])
+    said = how_sure(competitors, found), price_of(competitors, training_minutes(weights))
     return f"**{headline(competitors, found)}.** {' '.join(said)}"
+
+
+def _competitors(ranking: list[Standing]) -> list[str]:
+    return [own.strategy for own in ranking if not strategies()[own.strategy].reference]
 
 
 @cache
 def _ranking() -> tuple[list[Standing], list[str]]:
     """Standings of the stored trials at all sizes, and the names in their order."""
-    ranking = standings(_trials(), {name for name, entry in strategies().items() if entry.reference})
+    ranking = _standings(_trials())
     return ranking, [own.strategy for own in ranking]
+
+
+def _standings(trials: pd.DataFrame) -> list[Standing]:
+    return standings(trials, {name for name, entry in strategies().items() if entry.reference})
 
 
 def _decision_ms() -> dict[str, dict[str, float]]:
@@ -573,9 +606,156 @@ class Margin:
         return f"{signed_text(self.mean)} % [{signed_text(self.low)}, {signed_text(self.high)}]"
 
 
-def _trials() -> pd.DataFrame:
+def _trials(results: Path = RESULTS) -> pd.DataFrame:
     columns = ("strategy", "training_seed", "scenario", "size", "trial", *SYMBOLS.values())
-    return read_csv(ROOT / "results" / "trials.csv", columns)
+    return read_csv(results / "trials.csv", columns)
+
+
+def field_rules() -> str:
+    """The table of rules that stands in docs/field.md, its last column filled with their controls."""
+    page = (ROOT / "docs" / "field.md").read_text(encoding="utf-8")
+    match = re.search(r"<!-- begin field-rules -->\n(.*?)\n<!-- end field-rules -->", page, re.DOTALL)
+    assert match is not None, "docs/field.md has no table of rules"
+    header, rule, *rows = match[1].strip().splitlines()
+    lines = [header, rule]
+    told = set()
+    for row in rows:
+        name = row.split("`")[1]
+        told.add(name)
+        controls = ", ".join(f"`{control}`" for control in CONTROLS.get(name, ())) or "–"
+        lines.append(f"{row.rsplit('|', 2)[0]}| {controls} |")
+    untold = {name for name in CONTROLS if not name.endswith("-tuned")} - told
+    assert not untold, f"docs/field.md has no row of {sorted(untold)}"
+    return "\n".join(lines)
+
+
+def field_words(results: Path) -> str:
+    """Who explores best among the rules of others and those beside them, and the best rule with what its terms do."""
+    trials = _trials(results)
+    competitors = _competitors(_standings(trials))
+    best = next((name for name in competitors if STRATEGIES[name].factory.startswith("baselines.field.")), None)
+    if best is None:
+        return _answer(trials, competitors)
+    place, label = competitors.index(best) + 1, STRATEGIES[best].label
+    text = f"Of the rules of others, {label} (`{best}`) does best, place {place} of {len(competitors)}."
+    beside = [
+        f"than {STRATEGIES[control].label} it is shown to be better in {helped or 'none'} of {count} comparisons and "
+        f"worse in {harmed or 'none'}"
+        for (rule, control), (helped, harmed, count) in _effects(results).items()
+        if rule == best
+    ]
+    return f"{_answer(trials, competitors)}\n\n{text}" + (f" What its terms do: {'; '.join(beside)}." if beside else "")
+
+
+def field_table(results: Path, **where: str) -> str:
+    """Rows of the table of a suite of the field, as `explore-bench report` wrote it, its most telling columns."""
+    table = pd.read_csv(results / "tables" / "field.csv", dtype=str)
+    for column, value in where.items():
+        table = table[table[column] == value]
+    return markdown(table[list(FIELD_COLUMNS[results.name])].fillna("–"))
+
+
+def field_terms(results: Path) -> str:
+    """What the terms of the rules of others do: each rule beside each of its controls, p after Holm's correction."""
+    rows: dict[tuple[str, str], dict[str, str]] = {}
+    for scenario, comparison in _of_terms(results):
+        asked = comparison["comparison"]
+        pair = asked["better"], asked["worse"]
+        where = f"{asked['size']:g} m" if scenario == PAPER_SCENARIO else scenario
+        share = comparison["relative"]
+        text = f"{signed_text(100 * share['mean'])} % ({p_text(_number(comparison['p_holm']))})"
+        shown = comparison["verdict"].startswith((SUPPORTED, CONTRADICTED))
+        rows.setdefault(pair, {})[f"{all_metrics()[asked['metric']].symbol}, {where}"] = (
+            f"**{text}**" if shown else text
+        )
+    table = [
+        {
+            "rule": f"`{rule}`",
+            "control": f"`{control}`",
+            "the term": _effect(*_effects(results)[rule, control]),
+            **cells,
+        }
+        for (rule, control), cells in rows.items()
+    ]
+    return markdown(pd.DataFrame(table).fillna("–"))
+
+
+def _of_terms(results: Path) -> list[tuple[str, dict]]:
+    """Comparisons of rules with their controls that were measured, each behind its scenario."""
+    found = []
+    for claim in json.loads((results / "claims.json").read_text(encoding="utf-8")):
+        rule, _, scenario = claim["claim"].partition(", ")
+        if rule in CONTROLS:
+            found += [(scenario or PAPER_SCENARIO, one) for one in claim["comparisons"] if one["n"]]
+    return found
+
+
+def _effects(results: Path) -> dict[tuple[str, str], tuple[int, int, int]]:
+    """Comparisons by rule and control: in which the rule is shown to be better, in which worse, and all of them."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for _, comparison in _of_terms(results):
+        asked = comparison["comparison"]
+        found.setdefault((asked["better"], asked["worse"]), []).append(comparison["verdict"])
+    return {
+        pair: (
+            sum(one.startswith(SUPPORTED) for one in own),
+            sum(one.startswith(CONTRADICTED) for one in own),
+            len(own),
+        )
+        for pair, own in found.items()
+    }
+
+
+def _effect(helped: int, harmed: int, count: int) -> str:
+    """What a term does, in a word, and in how many comparisons that is shown."""
+    if helped and harmed:
+        return f"helps in {helped}, harms in {harmed} of {count}"
+    if helped or harmed:
+        return f"{'helps' if helped else 'harms'} in {helped or harmed} of {count}"
+    return "not shown"
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def field_tuning(study: Path) -> str:
+    """The published and the best value of the constant that was tuned of each rule of others.
+
+    Raises
+    ------
+    AssertionError : where the best value is another than the published one and the catalogue's TUNED has not it.
+    """
+    table = pd.read_csv(study)
+    rows = []
+    for name, own in table.groupby("strategy", sort=False):
+        entry, parameter = STRATEGIES[str(name)], SWEEPS[str(name)].parameter
+        published = entry.parameters.get(parameter)
+        if published is None:
+            published = inspect.signature(load_factory(entry.factory)).parameters[parameter].default
+        at = own.set_index("value")
+        best = float(at["objective"].idxmin())
+        registered = STRATEGIES.get(f"{name}-tuned")
+        if best != published:
+            assert registered is not None, f"baselines/catalogue.py: TUNED lacks {name!r}: {{{parameter!r}: {best:g}}}"
+            kept = registered.parameters[parameter]
+            assert kept == best, f"baselines/catalogue.py: TUNED has {parameter} {kept:g} of {name}, the study {best:g}"
+        rows.append(
+            {
+                "rule": f"`{name}`",
+                "constant": f"`{parameter}`",
+                "published": f"{published:g}",
+                "log e − log η": _objective(at.loc[published]),
+                "best of the values tried": f"{best:g}",
+                "log e − log η there": _objective(at.loc[best]),
+                "registered as": f"`{name}-tuned`" if best != published else "–",
+            }
+        )
+    return markdown(pd.DataFrame(rows))
+
+
+def _objective(row: pd.Series) -> str:
+    return f"{signed_text(row['objective'], 3)} [{signed_text(row['low'], 3)}, {signed_text(row['high'], 3)}]"
 
 
 def regrets() -> str:
@@ -624,6 +804,14 @@ PARTS: dict[str, Callable[[], str]] = {
     "plans-results": partial(lidar_results, "plans"),
     "stage-transfer": partial(lidar_transfer, "stage"),
     "plans-transfer": partial(lidar_transfer, "plans"),
+    "field-rules": field_rules,
+    "field-words": partial(field_words, RESULTS / "field"),
+    "field-stage-words": partial(field_words, RESULTS / "field-stage"),
+    "field-results": partial(field_table, RESULTS / "field", **{"size [m]": "40"}),
+    "field-stage-results": partial(field_table, RESULTS / "field-stage", scenario="range 10 m"),
+    "field-terms": partial(field_terms, RESULTS / "field"),
+    "field-stage-terms": partial(field_terms, RESULTS / "field-stage"),
+    "field-tuning": partial(field_tuning, STUDIES / "field-tuning.csv"),
     "map-order": map_order,
     "columns": columns,
     "lidar-columns": lidar_columns,

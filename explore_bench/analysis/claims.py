@@ -166,8 +166,18 @@ def _loaded(point: EntryPoint) -> tuple[Claim, ...]:
 
 
 def claims_about(trials: pd.DataFrame) -> tuple[Claim, ...]:
-    """Claims about the scenarios of the rows of `trials.csv`."""
-    return tuple(claim for claim in claims() if claim.scenario in set(trials["scenario"]))
+    """Claims that the rows of `trials.csv` can say something of.
+
+    They are about the scenarios of these, and a strategy that they say is better ran. A claim without comparisons,
+    of which something is wrong, is said in its scenario whatever ran.
+    """
+    ran = trials.groupby("scenario")["strategy"].agg(set)
+    return tuple(
+        claim
+        for claim in claims()
+        if claim.scenario in ran.index
+        and (not claim.comparisons or any(one.better in ran[claim.scenario] for one in claim.comparisons))
+    )
 
 
 def examine(claim: Claim, trials: pd.DataFrame) -> list[Finding]:

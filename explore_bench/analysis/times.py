@@ -17,7 +17,8 @@ from explore_bench.trial.spec import Outcome, TrialSpec
 from explore_bench.world.scenario import Scenario
 
 TIME_COLUMNS = (*KEYS, "seconds", "steps", "decisions", "decision_ms", "decision_ms_max")
-
+EVERY_DECISION = "decisions_ms"
+"""Column with what each decision of a trial took [ms], apart by spaces; files of earlier versions lack it."""
 
 USUAL_SECONDS = {"landmark": 0.15, "lidar": 3.0}
 """What a trial of 100 cells takes in each kind of world [s], of a strategy that predicts along every path: for what was
@@ -38,11 +39,19 @@ def write_times(folder: Path, outcomes: Iterable[Outcome]) -> None:
             "decisions": len(outcome.decision_seconds),
             "decision_ms": 1e3 * float(np.median(outcome.decision_seconds)) if outcome.decision_seconds else math.nan,
             "decision_ms_max": 1e3 * max(outcome.decision_seconds, default=math.nan),
+            EVERY_DECISION: " ".join(f"{1e3 * seconds:.3g}" for seconds in outcome.decision_seconds),
         }
         for outcome in outcomes
     ]
     if rows:
         write_time_rows(folder, [read_times(folder), pd.DataFrame(rows).astype({"training_seed": "Int64"})])
+
+
+def every_decision_ms(times: pd.DataFrame) -> np.ndarray:
+    """What each decision of some trials, rows of `times.csv`, took [ms]; empty where they do not tell of all."""
+    texts = times.get(EVERY_DECISION, pd.Series("", index=times.index)).fillna("").astype(str)
+    values = np.array(" ".join(texts).split(), dtype=float)
+    return values if len(values) == times["decisions"].sum() else np.empty(0)
 
 
 def read_times(folder: Path) -> pd.DataFrame | None:

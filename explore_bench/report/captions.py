@@ -33,6 +33,16 @@ def caption(name: str) -> str:
             "Lidar worlds. Way driven until 90 % of the map are known, and time until 98 %: means over worlds with "
             f"{CONFIDENCE:.0%} bootstrap intervals. Further left is better."
         )
+    if name == "field":
+        return (
+            "Rules of others beside the compared methods: the two metrics that rank, means over worlds with "
+            f"{CONFIDENCE:.0%} bootstrap intervals. A colour says what a strategy looks at, a number its place."
+        )
+    if name == "field-terms":
+        return (
+            "What the terms of the rules do: how many times as good each is as the same rule, or a plainer one, "
+            f"without one, paired by world with {CONFIDENCE:.0%} intervals. Filled: shown, after Holm's correction."
+        )
     if name == "ways":
         return "The map, and the true ways of the strategies through it in one world; light grey does not count."
     if name.startswith("times-"):

@@ -10,6 +10,7 @@ import pandas as pd
 from explore_bench.analysis.csv_files import write_table
 from explore_bench.analysis.metrics import counts
 from explore_bench.analysis.tables import measured, of_paper, summary_table, trial_table, world_table
+from explore_bench.analysis.times import read_times
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
@@ -19,6 +20,7 @@ from explore_bench.report.drawing import save_all, showing, styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.pages.claims import claims_section, examined, overview, tried, write_claims
+from explore_bench.report.pages.field import field_tables, write_field_figures
 from explore_bench.report.pages.maps import maps_figure, write_map_report
 from explore_bench.report.pages.sensitivity import write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
@@ -86,12 +88,12 @@ def _write_all(
 
     Means over worlds, and what follows from them, are written where all trials ran with one set of physical constants.
     """
-    found, tables = examined(trials), own
-    files = [*write_claims(found, folder), *drawn]
+    found, tables = examined(trials), field_tables(trials, read_times(folder)) | own
+    files = [*write_claims(found, folder), *drawn, *write_field_figures(trials, found, folder / "figures")]
     if trials["scenario"].nunique() == 1:
         summary = summary_table(trials)
         files.append(write_table(summary, folder / "summary.csv"))
-        tables = own | report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
+        tables |= report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
         files += write_survival_figures(trials, folder / "figures")
     claims = {"claims": overview(found)} if found else {}
     if trials["scenario"].nunique() == 1:

@@ -82,6 +82,16 @@ RANGES: dict[str, dict[str, float]] = {f"range {metres:g} m": {"sensor_range": m
 PLANS: dict[str, dict[str, str]] = {scene: {"scene": scene} for scene in ("office", "rooms", "maze", "hall")}
 """Floor plans that lidar worlds can draw."""
 
+FAMILIES: dict[str, str] = {
+    "field-way": "looks at the way there",
+    "field-view": "looks at what is in view there",
+    "field-map": "looks at what the map gains",
+    "field-robot": "looks at what certainty gains",
+    "field-learned": "learned",
+    "field-chance": "chance",
+}
+"""Whom the suites `field` and `field-stage` compare, by what decides."""
+
 SUITES: dict[str, Suite] = {
     "smoke": Suite("a look at every strategy in under a minute", (("table2", (20.0,)),), trials=4),
     "table2": Suite("Table 2, Figures 10 and 11: the compared methods at 20 and 40 m", (TABLE2,)),
@@ -129,19 +139,19 @@ SUITES: dict[str, Suite] = {
     ),
     "field": Suite(
         "rules of others beside nearest, entropy and ours, at 20, 30 and 40 m; give it a folder of its own",
-        (("field", (20.0, 30.0, 40.0)),),
+        tuple((part, (20.0, 30.0, 40.0)) for part in ("field", *FAMILIES)),
         seeds=1,
     ),
     "field-stage": Suite(
         "the same in the lidar worlds of the suite stage, at its ranges; give it a folder of its own",
-        (("field-stage", (20.0,)),),
+        tuple((family, (20.0,)) for family in FAMILIES),
         scenario="stage",
         variations=RANGES,
         seeds=1,
     ),
     "confirmation": Suite(
         "all strategies of paper and field at 20, 30 and 40 m; give it a root seed and a folder of its own",
-        tuple((table, (20.0, 30.0, 40.0)) for table in ("table2", "table3", "layers", "cells", "field")),
+        tuple((table, (20.0, 30.0, 40.0)) for table in ("table2", "table3", "layers", "cells", *FAMILIES)),
         trials=200,
         seeds=1,
     ),

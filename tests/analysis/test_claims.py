@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from baselines.catalogue import CONTROLS
 from explore_bench.analysis import claims as module
 from explore_bench.analysis.claims import (
     CONTRADICTED,
@@ -26,6 +27,7 @@ from explore_bench.analysis.claims import (
     metric_of,
     verdict,
 )
+from explore_bench.analysis.metrics import all_metrics
 from explore_bench.analysis.statistics import (
     effect_size,
     holm,
@@ -288,9 +290,15 @@ def test_of_what_is_not_measured_every_number_is_none():
 
 
 def test_claims_are_about_scenarios_that_were_run():
-    assert claims_about(rows("nearest", [1.0], scenario="paper"))
-    assert {claim.scenario for claim in claims_about(rows("nearest", [1.0], scenario="paper"))} == {"paper"}
-    assert claims_about(rows("nearest", [1.0], scenario="no such")) == ()
+    assert claims_about(rows("graph-stnn", [1.0], scenario="paper"))
+    assert {claim.scenario for claim in claims_about(rows("graph-stnn", [1.0], scenario="paper"))} == {"paper"}
+    assert claims_about(rows("graph-stnn", [1.0], scenario="no such")) == ()
+
+
+def test_claims_are_about_strategies_that_ran_as_the_better_one():
+    assert claims_about(rows("nearest", [1.0], scenario="paper")) == (), "it is only what others are compared with"
+    both = pd.concat([rows("burgard", [1.0], scenario="paper"), rows("graph-stnn", [1.0], scenario="range 5 m")])
+    assert [claim.name for claim in claims_about(both)] == ["v, range 5 m", "burgard"]
 
 
 @pytest.mark.parametrize("metric", ["no_such", "decisions", "early_reward"])
@@ -303,10 +311,11 @@ CELLS = "ii, H_γ of a cell"
 
 
 def test_the_paper_has_four_claims_about_registered_strategies_and_no_reference():
-    known, numbered = strategies(), claims()
+    known = strategies()
+    numbered = [claim for claim in claims() if all(known[one.better].tables for one in claim.comparisons)]
     assert [claim.name for claim in numbered if claim.scenario == "paper"] == ["i", "ii", CELLS, "iii", "iv"]
     by_name = {claim.name: claim for claim in numbered}
-    for claim in numbered:
+    for claim in claims():
         assert claim.comparisons
         for comparison in claim.comparisons:
             metric_of(comparison)
@@ -318,6 +327,20 @@ def test_the_paper_has_four_claims_about_registered_strategies_and_no_reference(
     assert [(c.better, c.worse, c.metric) for c in by_name[CELLS].comparisons] == other, "both readings ask the same"
     named = {name for suite in ("stage", "plans") for name in SUITES[suite].variations}
     assert {claim.scenario for claim in numbered[5:]} == named, "the others are asked of every set of lidar worlds"
+
+
+def test_every_rule_of_others_is_claimed_to_be_better_than_its_controls_in_the_metrics_that_rank():
+    own = {claim.name: claim for claim in claims() if claim.comparisons[0].better in CONTROLS}
+    for rule, controls in CONTROLS.items():
+        asked = [claim for claim in own.values() if claim.comparisons[0].better == rule]
+        kinds = strategies()[rule].kinds or ("landmark", "lidar")
+        assert len(asked) == (1 if "landmark" in kinds else 0) + 2
+        for claim in asked:
+            assert {one.worse for one in claim.comparisons} == set(controls)
+            ranked = {one.metric for one in claim.comparisons}
+            assert all(all_metrics()[metric].ranks for metric in ranked)
+            assert len(claim.comparisons) == 2 * len(controls) * (3 if claim.scenario == "paper" else 1)
+            assert not claim.architecture
 
 
 def test_a_claim_is_about_the_trials_of_its_scenario_among_others():

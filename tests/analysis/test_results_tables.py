@@ -27,7 +27,14 @@ from explore_bench.analysis.tables import (
     world_table,
     write_trials,
 )
-from explore_bench.analysis.times import TIME_COLUMNS, expected_seconds, write_times
+from explore_bench.analysis.times import (
+    EVERY_DECISION,
+    TIME_COLUMNS,
+    every_decision_ms,
+    expected_seconds,
+    read_times,
+    write_times,
+)
 from explore_bench.errors import RequestError
 from explore_bench.runs.runner import Outcome
 from explore_bench.runs.suites import plan
@@ -423,6 +430,20 @@ def test_times_are_those_of_the_outcomes(tmp_path):
     row = read_csv(tmp_path / "times.csv", TIME_COLUMNS).iloc[0]
     assert (row["strategy"], row["size"], row["trial"], row["seconds"], row["steps"]) == ("nearest", 12.0, 0, 1.5, 25)
     assert (row["decisions"], row["decision_ms"], row["decision_ms_max"]) == (3, 200.0, 600.0)
+
+
+def test_times_tell_of_every_decision_of_trials_that_were_timed_so(tmp_path):
+    write_times(tmp_path, [outcome(0, 1.5), outcome(1, 1.0, decisions=(0.00123456,)), outcome(2, 1.0, decisions=())])
+    table = read_times(tmp_path)
+    assert every_decision_ms(table).tolist() == [100.0, 200.0, 600.0, 1.23]
+    assert every_decision_ms(table.iloc[1:]).tolist() == [1.23]
+    table.drop(columns=EVERY_DECISION).to_csv(tmp_path / "times.csv", index=False)
+    assert every_decision_ms(read_times(tmp_path)).size == 0, "a file of an earlier version is read still"
+    write_times(tmp_path, [outcome(1, 2.0)])
+    mixed = read_times(tmp_path)
+    assert len(mixed) == 3
+    assert every_decision_ms(mixed).size == 0
+    assert every_decision_ms(mixed[mixed["trial"] == 1]).tolist() == [100.0, 200.0, 600.0]
 
 
 def test_times_of_later_runs_are_added_and_replace_those_of_the_same_trial(tmp_path):

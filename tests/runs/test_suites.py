@@ -123,7 +123,10 @@ def test_the_field_runs_at_three_sizes_beside_what_others_know_with_one_training
     here = {name for name in FIELD if not strategies()[name].kinds}
     assert len(here) > 20
     assert cells(asked.specs) == {
-        (name, size, trial) for name in here | BESIDE_FIELD for size in (20.0, 30.0, 40.0) for trial in range(50)
+        (name, size, trial)
+        for name in here | BESIDE_FIELD | {"clairvoyant"}
+        for size in (20.0, 30.0, 40.0)
+        for trial in range(50)
     }
     assert len(asked.specs) == len(cells(asked.specs))
     assert {spec.training_seed for spec in asked.specs} == {None, 0}

@@ -9,14 +9,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from explore_bench.analysis.csv_files import KEYS
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.times import TIME_COLUMNS
+from explore_bench.analysis.times import EVERY_DECISION, TIME_COLUMNS
 from explore_bench.errors import RequestError, unknown
 from explore_bench.files import parse_toml, read_text
 
 MAX_PAIRS = 6
 """Largest family unless the file allows more: each member costs the others power."""
 
-TIMES = {"time", *TIME_COLUMNS} - {*KEYS, "steps", "decisions"}
+TIMES = {"time", *TIME_COLUMNS, EVERY_DECISION} - {*KEYS, "steps", "decisions"}
 """What nobody may gate: another machine, or a busy one, would be a regression."""
 
 

@@ -1,0 +1,301 @@
+"""The rules of others (suites `field` and `field-stage`): which one to use, at what price, and which of its terms help.
+
+What a rule's controls show is a claim like any other; here are all of a folder's in one figure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from explore_bench.analysis.claims import CONTRADICTED, SUPPORTED, Claim, Finding, metric_of
+from explore_bench.analysis.metrics import REGRETS, all_metrics
+from explore_bench.analysis.ranking import Place, Standing, places_of, ranking_metrics, standings
+from explore_bench.analysis.statistics import mean_interval
+from explore_bench.analysis.tables import by_world, own_metrics
+from explore_bench.analysis.times import every_decision_ms
+from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
+from explore_bench.report.tables import Scope, Table, heading, interval_text, shown_name
+from explore_bench.runs.suites import FAMILIES
+from explore_bench.strategies.registry import in_order
+
+LANDMARK_METRICS = ("trajectory_error", "exploration_efficiency", "t90", "path_length")
+LIDAR_METRICS = ("l90", "t98_seconds", "t90_seconds", "path_length", "trajectory_error", "absolute_trajectory_error")
+FURTHER_METRICS = ("crossings", "round_trips")
+TIMES = ("decision, median [ms]", "99 % [ms]", "slowest [ms]")
+
+FAMILY_COLORS = dict(zip(FAMILIES, ("#1f77b4", "#2ca02c", "#9467bd", "#d62728", "#ff7f0e", "#7f7f7f"), strict=True))
+NAMED = 10
+"""Strategies that the figure names, the first of the ranking."""
+
+NOTE = (
+    "Best first: by the mean, over the metrics that rank here, scenarios and sizes, of the logarithm of their means; "
+    "references, which are told the true world, come last. Mean over n worlds [95 % BCa bootstrap interval], training "
+    "seeds averaged within a world first. Stuck: share of trials in which no candidate could be reached. "
+    "Decisions, from times.csv, of one machine, other in another run: the median over the trials of a trial's "
+    "median, the time that 99 % of all decisions stayed below, and the slowest of all, often the first of a process."
+)
+REGRET_NOTE = (
+    " R: regret, mean to the fastest tour known and to a lower bound on the time; the regret to the fastest way there "
+    "is lies between these."
+)
+
+
+def is_rule(name: str) -> bool:
+    """Whether a strategy takes part in the suites of the field and in no table of the paper."""
+    entry = entry_of(name)
+    return not entry.tables and bool(FAMILIES.keys() & set(entry.suites))
+
+
+def family_of(name: str) -> str | None:
+    """Family of FAMILIES that a strategy belongs to; None for one that takes no part in the suites of the field."""
+    return next((suite for suite in entry_of(name).suites if suite in FAMILIES), None)
+
+
+def terms_of(found: Mapping[Claim, list[Finding]]) -> dict[Claim, list[Finding]]:
+    """Claims that the terms of a rule help, those among others that were measured."""
+    own = {
+        claim: [one for one in findings if one.n]
+        for claim, findings in found.items()
+        if claim.comparisons and all(is_rule(one.better) for one in claim.comparisons)
+    }
+    return {claim: findings for claim, findings in own.items() if findings}
+
+
+def field_tables(trials: pd.DataFrame, times: pd.DataFrame | None) -> dict[str, Table]:
+    """Tables by the names of their files; none where no rule of the field ran."""
+    if not any(map(is_rule, dict.fromkeys(trials["strategy"]))):
+        return {}
+    return {"field": field_table(trials, times)}
+
+
+def write_field_figures(trials: pd.DataFrame, found: Mapping[Claim, list[Finding]], folder: Path) -> list[Path]:
+    """Draw `field` and `field-terms` where rules of the field ran, and remove what an earlier report left elsewhere."""
+    shown = any(map(is_rule, dict.fromkeys(trials["strategy"])))
+    terms = terms_of(found)
+    with styled():
+        return [
+            *save_all(field_figure(trials) if shown else None, folder / "field"),
+            *save_all(terms_figure(terms) if terms else None, folder / "field-terms"),
+        ]
+
+
+def field_table(trials: pd.DataFrame, times: pd.DataFrame | None) -> Table:
+    """Every strategy in every scenario and size, best strategy first: how it explored and what its decisions took.
+
+    Parameters
+    ----------
+    times : rows of `times.csv`; without any, or without a trial's, dashes stand in the place of its times.
+    """
+    lidar = bool(own_metrics(trials))
+    known, places = all_metrics(), places_of(trials)
+    several = len({scenario for scenario, _ in places}) > 1
+    metrics = LIDAR_METRICS if lidar else LANDMARK_METRICS
+    header = ["Method", *(["scenario"] if several else []), "size [m]", "n", "not explored", "stuck [%]"]
+    header += [heading(known[name]) for name in metrics] + ([] if lidar else ["R"])
+    header += [known[name].symbol for name in FURTHER_METRICS] + list(TIMES)
+    groups = dict(list(trials.groupby(["strategy", "scenario", "size"])))
+    rows, scopes = [], []
+    ranked = [own.strategy for own in _ranking(trials)]
+    told = [name for name in in_order(trials["strategy"]) if entry_of(name).reference and name not in ranked]
+    for name in (*ranked, *told):
+        for scenario, size in places:
+            if (cell := groups.get((name, scenario, size))) is None:
+                continue
+            counts = cell["status"].value_counts()
+            row = [shown_name(name), *([scenario] if several else []), f"{size:g}"]
+            row += [str(cell["trial"].nunique()), str(len(cell) - counts.get("explored", 0))]
+            row.append(f"{100 * counts.get('stuck', 0) / len(cell):.1f}")
+            row += [_mean(cell, metric) for metric in metrics] + ([] if lidar else [_regret(cell)])
+            row += [_mean(cell, metric) for metric in FURTHER_METRICS] + _decisions(cell, times)
+            rows.append(tuple(row))
+            scopes.append(Scope((name,), size))
+    note = NOTE + ("" if lidar else REGRET_NOTE)
+    return Table("Rules of others beside the compared methods", tuple(header), tuple(rows), note, tuple(scopes))
+
+
+def _ranking(trials: pd.DataFrame) -> list[Standing]:
+    return standings(trials, {name for name in dict.fromkeys(trials["strategy"]) if entry_of(name).reference})
+
+
+def _mean(cell: pd.DataFrame, metric: str) -> str:
+    """Mean over worlds with its interval; a dash where a trial lacks the metric or a reference did not plan for it."""
+    values = np.array(list(by_world(cell, metric).values()))
+    fills = entry_of(str(cell["strategy"].iloc[0])).fills(metric)
+    return interval_text(mean_interval(values)) if fills and np.isfinite(values).all() else "–"
+
+
+def _regret(cell: pd.DataFrame) -> str:
+    """Mean regret to the fastest tour known and to the lower bound, as docs/clairvoyant.md has it."""
+    means = [np.mean(list(by_world(cell, name).values())) for name in REGRETS]
+    own = not entry_of(str(cell["strategy"].iloc[0])).reference
+    return " to ".join(f"{mean:.2f}" for mean in means if math.isfinite(mean) and own) or "–"
+
+
+def _decisions(cell: pd.DataFrame, times: pd.DataFrame | None) -> list[str]:
+    """TIMES of some trials."""
+    if times is None:
+        return ["–"] * len(TIMES)
+    first = cell.iloc[0]
+    own = times[(times["strategy"] == first["strategy"]) & (times["size"] == first["size"])]
+    own = own[(own["scenario"] == first["scenario"]) & own["trial"].isin(cell["trial"])]
+    every = every_decision_ms(own)
+    values = (own["decision_ms"].median(), np.quantile(every, 0.99) if len(every) else math.nan)
+    return [_milliseconds(value) for value in (*values, own["decision_ms_max"].max())]
+
+
+def _milliseconds(value: float) -> str:
+    return "–" if not math.isfinite(value) else f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def field_figure(trials: pd.DataFrame) -> Figure:
+    """The two metrics that rank, one against the other, a panel a scenario and size; the best have their number."""
+    ranking, places = _ranking(trials), places_of(trials)
+    along, up = ranking_metrics(trials)[:2]
+    known = all_metrics()
+    names = [own.strategy for own in ranking]
+    figure, grid = plt.subplots(1, len(places), figsize=(3.6 * len(places) + 2.6, 4.4), squeeze=False)
+    for axes, place in zip(grid[0], places, strict=True):
+        for number, own in reversed(list(enumerate(ranking, 1))):
+            _point(axes, own, place, (along, up), number)
+        axes.set(xlabel=heading(known[along]), title=_where(place, places), xscale="log", yscale="log")
+        for axis in (axes.xaxis, axes.yaxis):
+            plain_log(axis)
+            axis.set_tick_params(labelsize=8)
+        arrow = {metric: "◂ better" if known[metric].better == "lower" else "better ▸" for metric in (along, up)}
+        axes.set_xlabel(f"{heading(known[along])}   {arrow[along]}")
+        axes.set_ylabel(f"{heading(known[up])}   {arrow[up]}")
+    best = [f"{number:\u2007>2}  {shown_name(name)}" for number, name in enumerate(names[:NAMED], 1)]
+    figure.legend(
+        handles=[Line2D([], [], linestyle="none", marker="", label=text) for text in best] + _legend(names),
+        loc="outside right upper",
+        fontsize=8,
+        handlelength=1.0,
+    )
+    return figure
+
+
+def _where(place: Place, places: list[Place]) -> str:
+    scenario, size = place
+    return f"{scenario}, {size:g} m" if len({one for one, _ in places}) > 1 else f"{size:g} m × {size:g} m"
+
+
+def _point(axes: Axes, own: Standing, place: Place, metrics: tuple[str, str], number: int) -> None:
+    """A strategy's means of two metrics at a place with their intervals, numbered where it is among the best."""
+    means = [own.means.get((place, metric)) for metric in metrics]
+    if any(mean is None or not mean.mean > 0 for mean in means):
+        return
+    x, y = (mean for mean in means if mean is not None)
+    color, marker, filled = _mark(own.strategy)
+    reach = [[[mean.mean - mean.low], [mean.high - mean.mean]] if mean.n > 1 else None for mean in (x, y)]
+    axes.errorbar(
+        *([x.mean], [y.mean]),
+        xerr=reach[0],
+        yerr=reach[1],
+        fmt=marker,
+        ms=6 if filled else 4,
+        color=color,
+        mfc=color if filled else "white",
+        elinewidth=0.6,
+        alpha=0.9,
+    )
+    if number <= NAMED:
+        axes.annotate(str(number), (x.mean, y.mean), xytext=(4, 4), textcoords="offset points", fontsize=8, zorder=9)
+
+
+def _mark(name: str) -> tuple[str, str, bool]:
+    """Colour of a strategy's family, marker of where it is from, and whether it is filled."""
+    entry = entry_of(name)
+    color = FAMILY_COLORS.get(family_of(name) or "", "#000000")
+    if entry.reference:
+        return color, "*", True
+    if not entry.tables:
+        return color, "o", False
+    return (color, "s", True) if entry.published or entry.baseline else (color, "D", True)
+
+
+def _legend(names: list[str]) -> list[Line2D]:
+    """What colours and markers mean, of those that are there."""
+    ran = {family_of(name) for name in names}
+    colors = [
+        Line2D([], [], linestyle="none", marker="o", color=FAMILY_COLORS[family], label=words)
+        for family, words in FAMILIES.items()
+        if family in ran
+    ]
+    words = {("s", True): "the paper's, and the nearest", ("D", True): "ours", ("o", False): "of others"}
+    words[("*", True)] = "told the true world"
+    used = dict.fromkeys(_mark(name)[1:] for name in names)
+    return colors + [
+        Line2D([], [], linestyle="none", marker=mark[0], color="#444", mfc="#444" if mark[1] else "white", label=text)
+        for mark, text in words.items()
+        if mark in used
+    ]
+
+
+def terms_figure(found: Mapping[Claim, list[Finding]]) -> Figure:
+    """How many times as good each rule is as each of its controls, with 95 % intervals, a column a metric and size.
+
+    The claims are of one scenario a column. Filled where it is shown after Holm's correction over the rule's claim.
+    """
+    cells: dict[tuple[str, str], dict[tuple[str, str, float | None], Finding]] = {}
+    for claim, findings in found.items():
+        for one in findings:
+            asked = one.comparison
+            row = cells.setdefault((asked.better, asked.worse), {})
+            row[claim.scenario, asked.metric, asked.size] = one
+    columns = list(dict.fromkeys(key for row in cells.values() for key in row))
+    several = len({scenario for scenario, _, _ in columns}) > 1
+    figure, grid = plt.subplots(
+        *(1, len(columns)),
+        figsize=(4.0 + 1.7 * len(columns), 1.3 + 0.22 * len(cells)),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+    )
+    for axes, key in zip(grid[0], columns, strict=True):
+        axes.axvline(1.0, color="#444", linewidth=0.9)
+        for line, ((rule, _), row) in enumerate(cells.items()):
+            if key in row:
+                _gain(axes, line, row[key], FAMILY_COLORS[family_of(rule) or next(iter(FAMILY_COLORS))])
+        scenario, metric, size = key
+        where = scenario if several else f"{size:g} m"
+        axes.set(title=f"{all_metrics()[metric].symbol}, {where}", xscale="log")
+        plain_log(axes.xaxis)
+    grid[0, 0].set_yticks(range(len(cells)), [_beside(rule, control) for rule, control in cells])
+    grid[0, 0].set_ylim(len(cells) - 0.5, -0.5)
+    figure.supxlabel("times as good as its control: right of 1 the term helps", fontsize=9)
+    return figure
+
+
+def _beside(rule: str, control: str) -> str:
+    """Labels of a rule and its control, what they have in common once."""
+    label = shown_name(rule)
+    return f"{label} : {shown_name(control).removeprefix(label + ', ')}"
+
+
+def _gain(axes: Axes, line: int, finding: Finding, color: str) -> None:
+    """How many times as good a rule is as a control, from the ratio of their means."""
+    share = finding.relative
+    ends = np.array([1.0 + share.mean, 1.0 + share.low, 1.0 + share.high])
+    if not np.isfinite(ends).all() or (ends <= 0).any():
+        return
+    mean, *reach = ends if metric_of(finding.comparison).better == "higher" else 1.0 / ends
+    low, high = sorted(reach)
+    shown = finding.verdict.startswith((SUPPORTED, CONTRADICTED))
+    axes.errorbar(
+        *([mean], [line]),
+        xerr=[[mean - low], [high - mean]],
+        fmt="o",
+        ms=4.5,
+        color=color,
+        mfc=color if shown else "white",
+        elinewidth=1.0,
+    )
