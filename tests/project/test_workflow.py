@@ -37,11 +37,12 @@ def commands(texts):
     return dict(parsed(text) for text in texts if text.startswith("explore-bench"))
 
 
-def makefile():
-    """Return the commands of `make gate`."""
-    (recipe,) = re.findall(r"^gate:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    lines = recipe.replace("\\\n", " ").replace("@", "").replace("$(BIN)/", "").split(";")
-    return commands(line.strip() for line in lines)
+def makefile(target):
+    """Return the commands of a target of the Makefile by their results folder and name."""
+    text = (ROOT / "Makefile").read_text().replace("\\\n", " ")
+    (variable,), (recipe,) = (re.findall(form, text, re.M) for form in (r"^gated = (.*)$", rf"^{target}:.*\n\t(.*)$"))
+    lines = re.findall(r"explore-bench [^;&)]+", recipe.replace("$(gated)", variable).replace("$(REASON)", "why"))
+    return {(str(found["results"]), name): found for name, found in map(parsed, lines)}
 
 
 def assert_covers_the_reference(found):
@@ -82,7 +83,14 @@ def test_nothing_is_installed_that_the_constraints_do_not_pin(job):
     assert (ROOT / job["steps"][1]["with"]["cache-dependency-path"]).is_file()
 
 
-def test_make_gate_runs_what_the_reference_holds():
-    found = makefile()
-    assert list(found) == ["run", "gate"]
-    assert_covers_the_reference(found)
+@pytest.mark.parametrize("target", ["gate", "accept"])
+def test_make_gate_runs_what_the_references_hold_in_both_kinds_of_world_and_make_accept_renews_them(target):
+    found = makefile(target)
+    places = ("results/gate", "results/gate/stage")
+    assert list(found) == [(place, name) for name in ("run", "gate") for place in places]
+    for place, scenario in zip(places, (None, "stage"), strict=True):
+        own = {name: found[place, name] for name in ("run", "gate")}
+        assert_covers_the_reference(own)
+        assert own["run"]["scenario"] == scenario
+        assert own["gate"]["reason"] == ("why" if target == "accept" else None)
+    assert len({str(found[place, "gate"]["reference"]) for place in places}) == 2

@@ -9,6 +9,7 @@ from pathlib import Path
 from explore_bench.analysis.gate.judging import STATED_LOSS, Gate, Judgement, Verdict
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import LEVEL
+from explore_bench.analysis.tables import PAPER_SCENARIO
 from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import Table, heading, number_text, p_text
 
@@ -55,6 +56,8 @@ def _run_command(gate: Gate, results: Path) -> str:
         parts += ["-s", name]
     for size in dict.fromkeys(pair.threshold.size for pair in pairs):
         parts += ["--size", f"{size:g}"]
+    for scenario in dict.fromkeys(pair.threshold.scenario for pair in pairs):
+        parts += ["--scenario", scenario] if scenario != PAPER_SCENARIO else []
     worlds = max((len(pair.before) for pair in pairs), default=0)
     return shlex.join([*parts, "--trials", str(worlds), "--results", str(results)])
 

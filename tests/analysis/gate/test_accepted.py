@@ -13,6 +13,7 @@ from explore_bench.analysis.gate.accepted import NOTE_FILE, TRIALS_FILE, accept,
 from explore_bench.analysis.gate.thresholds import load_thresholds
 from explore_bench.analysis.tables import TRIAL_COLUMNS, write_trials
 from explore_bench.errors import RequestError
+from explore_bench.strategies.registry import strategies
 from explore_bench.trial.steps import SCHEMA_VERSION
 
 PROJECT = Path(__file__).parents[3] / "results" / "reference"
@@ -167,14 +168,22 @@ def test_thresholds_of_a_strategy_that_the_reference_lacks_are_refused(results, 
         read_accepted(reference)
 
 
-def test_the_project_s_own_reference_is_as_the_thresholds_say():
-    known = read_accepted(PROJECT)
-    own = tuple(known.trials.columns)
-    assert own == tuple(name for name in TRIAL_COLUMNS if name in own), "metrics that came later may be lacking"
+@pytest.mark.parametrize(("place", "scenario"), [("", "paper"), ("stage", "stage")])
+def test_the_project_s_own_references_are_as_the_thresholds_say(place, scenario):
+    known = read_accepted(PROJECT / place)
+    own = [name for name in known.trials.columns if name in TRIAL_COLUMNS]
+    assert own == [name for name in TRIAL_COLUMNS if name in own], "metrics that came later may be lacking"
+    assert (set(known.trials.columns) == set(own)) == (scenario == "paper")
+    assert set(known.trials["scenario"]) == {one.scenario for one in known.family} == {scenario}
     assert known.trials["status"].eq("explored").all()
     assert {(one.strategy, one.size) for one in known.family} == set(
         known.trials[["strategy", "size"]].itertuples(index=False, name=None)
     )
     assert all(one.direction and one.size == 20.0 for one in known.family)
-    assert len(known.family) <= 6
-    assert (PROJECT / TRIALS_FILE).stat().st_size < 200_000
+    assert (PROJECT / place / TRIALS_FILE).stat().st_size < 200_000
+
+
+def test_the_project_s_gates_have_six_pairs_at_most_one_of_them_of_a_rule_of_others():
+    family = [one for place in ("", "stage") for one in read_accepted(PROJECT / place).family]
+    assert len(family) <= 6
+    assert [one.strategy for one in family if not strategies()[one.strategy].tables] == ["next-best-view"]

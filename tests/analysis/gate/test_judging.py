@@ -108,7 +108,7 @@ def changes(kind):
 
 
 def simulate(kind, losses, share=1.0, count=300, n=250):
-    """Return whether each member of the project's family is called regressed, shape (count, 6).
+    """Return whether each member of the project's family is called regressed, shape (count, 5).
 
     Every strategy of the family changes as a pair of `kind` does, in a `share` of the worlds, and has these losses.
     """
@@ -117,7 +117,9 @@ def simulate(kind, losses, share=1.0, count=300, n=250):
     found = []
     for _ in range(count):
         worlds, changed = rng.integers(0, known[0][0].shape[1], n), rng.random(n) < share
-        drawn = {name: known[i] for name, i in zip(strategies, rng.integers(0, len(known), 3), strict=True)}
+        drawn = {
+            name: known[i] for name, i in zip(strategies, rng.integers(0, len(known), len(strategies)), strict=True)
+        }
         of_family = []
         for one, loss in zip(FAMILY, losses, strict=True):
             before, after = (own[int(one.metric == "trajectory_error"), worlds] for own in drawn[one.strategy])
@@ -133,8 +135,9 @@ KINDS = ("training seeds", "strategies", "reference")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_without_a_change_of_the_means_at_most_5_in_100_gates_alarm(kind):
-    assert simulate(kind, [0.0] * 6).any(axis=1).mean() <= 0.05
-    assert simulate(kind, [0.0] * 6, share=0.1).any(axis=1).mean() <= 0.05
+    none = [0.0] * len(FAMILY)
+    assert simulate(kind, none).any(axis=1).mean() <= 0.05
+    assert simulate(kind, none, share=0.1).any(axis=1).mean() <= 0.05
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -144,10 +147,10 @@ def test_even_losses_as_large_as_is_tolerated_rarely_alarm(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("member", range(3))
+@pytest.mark.parametrize("member", range(4))
 def test_efficiency_that_is_10_percent_worse_is_caught_in_9_of_10_gates(kind, member):
     assert FAMILY[member].metric == "exploration_efficiency"
-    assert simulate(kind, [0.1 * (i == member) for i in range(6)])[:, member].mean() >= 0.9
+    assert simulate(kind, [0.1 * (i == member) for i in range(len(FAMILY))])[:, member].mean() >= 0.9
 
 
 def test_the_project_s_gate_has_as_many_worlds_as_were_simulated_and_says_that_power():
@@ -160,7 +163,7 @@ def test_the_project_s_gate_has_as_many_worlds_as_were_simulated_and_says_that_p
 
 
 def test_fifty_worlds_would_not_be_enough():
-    assert simulate("training seeds", [0.1] + [0.0] * 5, n=50)[:, 0].mean() < 0.9
+    assert simulate("training seeds", [0.1, *[0.0] * (len(FAMILY) - 1)], n=50)[:, 0].mean() < 0.9
 
 
 def test_the_spread_behind_the_power_is_about_that_of_training_seeds_in_one_world():
@@ -279,6 +282,9 @@ def test_the_table_says_what_to_do_about_every_verdict(real):
     assert [row[-1] for row in table.rows] == ["regressed", "missing"]
     assert "- Mine, 30 m: 2 of its 2 trials were not run" in table.note
     assert "`explore-bench run smoke -s Mine --size 30 --trials 2 --results 'my results'`" in table.note
+    lidar = [threshold(scenario="stage")]
+    absent = gate_table(judge(lidar, real("random").assign(scenario="stage"), real("random")), Path("a"), Path("b"))
+    assert "`explore-bench run smoke -s Mine --size 20 --scenario stage --trials 50 --results a`" in absent.note
     assert "- Mine, 20 m, exploration_efficiency: it is all there is" in table.note
     assert "`explore-bench gate --results 'my results' --reference ref --accept --reason TEXT`" in table.note
     better = gate_table(judge([threshold()], real("random"), real("uncertainty")), Path("a"), Path("b"))
@@ -415,15 +421,18 @@ def test_a_reference_of_another_protocol_version_is_refused_and_renewed(folders,
 
 @pytest.mark.slow
 def test_the_project_s_own_gate(tmp_path, monkeypatch, capsys):
-    """What `make gate` does, into a folder of the test's: some 750 trials, a minute."""
+    """What `make gate` does, into a folder of the test's: some 1,000 trials and 50 with a lidar, two minutes."""
     monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
     monkeypatch.chdir(ROOT)
-    recipe = re.findall(r"explore-bench ((?:run|gate) .*results/gate)", (ROOT / "Makefile").read_text())
-    assert len(recipe) == 2
-    run, gate = (shlex.split(line.replace("results/gate", shlex.quote(str(tmp_path / "gate")))) for line in recipe)
-    assert call_quietly(*run) == 0
-    capsys.readouterr()
-    assert call_quietly(*gate) == 0
-    table = capsys.readouterr().out
-    assert "regressed" not in table.split("\n\n")[1]
-    assert " 250 | " in table
+    text = (ROOT / "Makefile").read_text().replace("\\\n", " ")
+    recipe = re.findall(r"explore-bench ((?:run smoke|gate) [^;&]*results/gate[^;&]*?)(?=;| &&|\n)", text)[:4]
+    called = [shlex.split(line.replace("results/gate", shlex.quote(str(tmp_path / "gate")))) for line in recipe]
+    assert [line[0] for line in called] == ["run", "run", "gate", "gate"]
+    for run in called[:2]:
+        assert call_quietly(*run) == 0
+    for gate, worlds in zip(called[2:], (250, 50), strict=True):
+        capsys.readouterr()
+        assert call_quietly(*gate) == 0
+        table = capsys.readouterr().out
+        assert "regressed" not in table.split("\n\n")[1]
+        assert f" {worlds} | " in table
