@@ -280,7 +280,14 @@ _field(
 )
 _field("joint-entropy-no-closing", _ROBOT, "joint_entropy:JointEntropy", "Joint entropy", closing=False)
 
-TUNED: dict[str, dict[str, float]] = {}
+TUNED: dict[str, dict[str, float]] = {
+    "information-gain": {"gain": 24.0},
+    "next-best-view": {"decay": 0.3},
+    "heading-aware": {"decay": 0.1},
+    "cost-utility": {"distance": 30.0},
+    "makarenko": {"navigation": 1.5},
+    "distance-advantage": {"distance": 3.0},
+}
 """Constants by rule for which docs/studies/field_tuning.py finds another value than the published one to be best."""
 
 for _name, _constants in TUNED.items():

@@ -64,4 +64,13 @@ COLORS = {
     "potential-field-no-revisits": "#bb8888",
     "joint-entropy": "#9944bb",
     "joint-entropy-no-closing": "#559999",
+    "information-gain-tuned": "#550011",
+    "next-best-view-tuned": "#003300",
+    "heading-aware-tuned": "#442222",
+    "cost-utility-tuned": "#88ee00",
+    "makarenko-tuned": "#00ff00",
+    "distance-advantage-tuned": "#441155",
+    "entropy-reduction-tuned": "#88eedd",
+    "potential-field-tuned": "#113333",
+    "joint-entropy-tuned": "#ffbb99",
 }

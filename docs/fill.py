@@ -722,6 +722,8 @@ def _number(value: float | None) -> float:
 def field_tuning(study: Path) -> str:
     """The published and the best value of the constant that was tuned of each rule of others.
 
+    Of values that are equally good the published one is taken, else the smallest.
+
     Raises
     ------
     AssertionError : where the best value is another than the published one and the catalogue's TUNED has not it.
@@ -734,7 +736,9 @@ def field_tuning(study: Path) -> str:
         if published is None:
             published = inspect.signature(load_factory(entry.factory)).parameters[parameter].default
         at = own.set_index("value")
-        best = float(at["objective"].idxmin())
+        least = at["objective"].min()
+        best = published if at.loc[published, "objective"] == least else float(at["objective"].idxmin())
+        edge = {at.index.min(): ", the smallest tried", at.index.max(): ", the largest tried"}.get(best, "")
         registered = STRATEGIES.get(f"{name}-tuned")
         if best != published:
             assert registered is not None, f"baselines/catalogue.py: TUNED lacks {name!r}: {{{parameter!r}: {best:g}}}"
@@ -746,7 +750,7 @@ def field_tuning(study: Path) -> str:
                 "constant": f"`{parameter}`",
                 "published": f"{published:g}",
                 "log e − log η": _objective(at.loc[published]),
-                "best of the values tried": f"{best:g}",
+                "best": "all are alike" if at["objective"].max() == least else f"{best:g}{edge}",
                 "log e − log η there": _objective(at.loc[best]),
                 "registered as": f"`{name}-tuned`" if best != published else "–",
             }

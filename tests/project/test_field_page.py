@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from handmade import trial_rows
 
-from baselines.catalogue import CONTROLS
+from baselines.catalogue import CONTROLS, TUNED
 from explore_bench.report.pages.claims import examined, write_claims
 from explore_bench.report.pages.field import field_table
 from explore_bench.strategies.registry import strategies
@@ -97,7 +97,7 @@ def test_the_rules_of_the_page_have_the_controls_of_the_catalogue(fill):
     told = {row.split("`")[1]: row.rsplit("|", 2)[1].strip() for row in fill.field_rules().splitlines()[2:]}
     assert told["distance-advantage"] == "`remoteness`, `nearest`"
     assert told["visible-unknown"] == "–"
-    assert CONTROLS.keys() <= told.keys()
+    assert CONTROLS.keys() <= told.keys() | {f"{name}-tuned" for name in TUNED}
 
 
 def test_every_control_is_another_strategy_that_runs_where_the_rule_does():
@@ -111,23 +111,24 @@ def test_every_control_is_another_strategy_that_runs_where_the_rule_does():
 # The tuning
 
 
-def study(tmp_path, best):
-    """Write a study of one rule whose objective is least at `best`."""
+def study(tmp_path, *best):
+    """Write a study of one rule whose objective is least at these values."""
     values = [1.0, 3.0, 6.0]
     table = pd.DataFrame({"strategy": "information-gain", "value": values})
-    objective = [-0.5 if value == best else -0.2 for value in values]
+    objective = [-0.5 if value in best else -0.2 for value in values]
     table = table.assign(objective=objective, low=np.subtract(objective, 0.1), high=np.add(objective, 0.1))
     table.to_csv(tmp_path / "field-tuning.csv", index=False)
     return tmp_path / "field-tuning.csv"
 
 
-def test_a_published_value_that_is_best_needs_no_line(fill, tmp_path):
-    row = fill.field_tuning(study(tmp_path, best=3.0)).splitlines()[2]
+@pytest.mark.parametrize("best", [(3.0,), (1.0, 3.0), (3.0, 6.0)])
+def test_a_published_value_that_is_best_needs_no_line_also_where_another_is_as_good(fill, tmp_path, best):
+    row = fill.field_tuning(study(tmp_path, *best)).splitlines()[2]
     assert row == ("| `information-gain` | `gain` | 3 | −0.500 [−0.600, −0.400] | 3 | −0.500 [−0.600, −0.400] | – |")
 
 
 def test_another_best_value_is_asked_for_in_the_catalogue_and_shown_once_it_is_there(fill, tmp_path, monkeypatch):
-    file = study(tmp_path, best=6.0)
+    file = study(tmp_path, 6.0)
     monkeypatch.delitem(fill.STRATEGIES, "information-gain-tuned", raising=False)
     with pytest.raises(AssertionError, match=r"TUNED lacks 'information-gain': \{'gain': 6\}"):
         fill.field_tuning(file)
@@ -139,7 +140,22 @@ def test_another_best_value_is_asked_for_in_the_catalogue_and_shown_once_it_is_t
             with pytest.raises(AssertionError, match="TUNED has gain 12 of information-gain, the study 6"):
                 fill.field_tuning(file)
     row = fill.field_tuning(file).splitlines()[2]
-    assert row.endswith("| 3 | −0.200 [−0.300, −0.100] | 6 | −0.500 [−0.600, −0.400] | `information-gain-tuned` |")
+    assert row.endswith(
+        "| 3 | −0.200 [−0.300, −0.100] | 6, the largest tried | −0.500 [−0.600, −0.400] | `information-gain-tuned` |"
+    )
+
+
+def test_a_constant_of_no_effect_is_said_to_have_none(fill, tmp_path):
+    row = fill.field_tuning(study(tmp_path, 1.0, 3.0, 6.0)).splitlines()[2]
+    assert row.split(" | ")[2:] == ["3", "−0.500 [−0.600, −0.400]", "all are alike", "−0.500 [−0.600, −0.400]", "– |"]
+
+
+def test_a_tuned_rule_is_the_rule_with_one_other_constant_and_has_it_as_its_control():
+    for rule, constants in TUNED.items():
+        entry, tuned = strategies()[rule], strategies()[f"{rule}-tuned"]
+        assert (tuned.factory, tuned.suites, tuned.kinds) == (entry.factory, entry.suites, entry.kinds)
+        assert tuned.parameters == {**entry.parameters, **constants} != entry.parameters
+        assert CONTROLS[f"{rule}-tuned"] == (rule,)
 
 
 def test_what_a_stored_folder_says_of_terms_is_read_from_its_claims(fill, results):
