@@ -287,6 +287,7 @@ TUNED: dict[str, dict[str, float]] = {
     "cost-utility": {"distance": 30.0},
     "makarenko": {"navigation": 1.5},
     "distance-advantage": {"distance": 3.0},
+    "potential-field": {"revisit": 1.0},
 }
 """Constants by rule for which docs/studies/field_tuning.py finds another value than the published one to be best."""
 
