@@ -35,6 +35,7 @@ from cosmic_ray.plugins import get_operator, operator_names
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "explore_bench"
 TESTS = {
+    "analysis/going_back": ("analysis/test_crossings",),
     "geometry/__init__": ("test_geometry",),
     "geometry/rays": ("test_rays", "robot/lidar/test_local_planners", "world/lidar/test_lidar_world"),
     "robot/belief": ("robot/test_belief",),

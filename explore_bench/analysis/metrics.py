@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from explore_bench.analysis.going_back import going_back
 from explore_bench.analysis.rounding import significant
 from explore_bench.trial import error_and_efficiency
 from explore_bench.trial.error_and_efficiency import Score
@@ -201,21 +202,9 @@ def round_trips(record: TrialRecord) -> float:
         return math.nan
     steps, edge, in_range = record.steps, record.spec.scenario.cell_size, record.spec.scenario.sensor_range
     way, places = steps["path_length"], np.stack((steps["true_x"], steps["true_y"]), axis=1)
-    back = way[_going_back(places, way, edge, 2.0 * in_range)]
+    back = way[going_back(places, way, edge, 2.0 * in_range)]
     runs = np.split(back, np.flatnonzero(np.diff(back) > in_range / 2.0) + 1)
     return float(sum(len(run) > 0 and run[-1] - run[0] >= THROUGH * edge for run in runs))
-
-
-def _going_back(places: Array, way: Array, near: float, away: float) -> Array:
-    """Numbers of the poses (places [m], shape (N, 2)) that are near an earlier one after that much way elsewhere."""
-    found = []
-    for now in range(1, len(places)):
-        beside = ((places[:now] - places[now]) ** 2).sum(axis=1) <= near**2
-        last_off = now - 1 - int(beside[::-1].argmin()) if not beside.all() else 0
-        before = np.flatnonzero(beside[:last_off])
-        if len(before) and way[now] - way[before[-1]] >= away:
-            found.append(now)
-    return np.array(found, dtype=np.int64)
 
 
 METRICS: dict[str, Metric] = {

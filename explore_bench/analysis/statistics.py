@@ -11,7 +11,8 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,23 +76,57 @@ def _interval(values: np.ndarray, statistic: Callable[..., Any], seed: int) -> E
         return Estimate(mean, mean, mean, len(values))
     from scipy.stats import bootstrap
 
-    rng = stream("evaluate", seed, 0, 0, "statistics")
+    resampled = statistic(values[_resamples(len(values), seed)], axis=-1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a degenerate bootstrap distribution is answered below
         interval = bootstrap(
             (values,),
             statistic,
-            n_resamples=RESAMPLES,
+            n_resamples=0,
             confidence_level=CONFIDENCE,
             method="BCa",
             vectorized=True,
-            rng=rng,
+            bootstrap_result=_Resampled(resampled),  # type: ignore[arg-type]
         ).confidence_interval
     low, high = float(interval.low), float(interval.high)
     if not (math.isfinite(low) and math.isfinite(high)):
-        resampled = statistic(rng.choice(values, (RESAMPLES, len(values))), axis=1)
         low, high = _percentiles(resampled)
     return Estimate(mean, low, high, len(values))
+
+
+class _Resampled(NamedTuple):
+    """Of a `scipy.stats` bootstrap result, what another one goes on from."""
+
+    bootstrap_distribution: np.ndarray
+
+
+@lru_cache(maxsize=8)
+def _resamples(count: int, seed: int) -> np.ndarray:
+    """Which values stand in each resample, shape (RESAMPLES, count), read-only: the same for as many values."""
+    return _fixed(stream("evaluate", seed, 0, 0, "statistics").integers(0, count, (RESAMPLES, count)))
+
+
+@lru_cache(maxsize=8)
+def _weights(count: int, seed: int) -> np.ndarray:
+    """How often each value stands in each resample, shape (RESAMPLES, count), read-only."""
+    rng = stream("evaluate", seed, 0, 0, "statistics")
+    return _fixed(rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES).astype(float))
+
+
+@lru_cache(maxsize=8)
+def _signs(count: int, seed: int) -> np.ndarray:
+    """Signs to give to differences: all there are, or PERMUTATIONS random ones, a row each, read-only."""
+    if 2**count <= PERMUTATIONS + 1:
+        flips = (np.arange(2**count)[:, None] >> np.arange(count)) & 1
+    else:
+        rng = stream("evaluate", seed, 0, 0, "statistics")
+        flips = rng.integers(0, 2, (PERMUTATIONS, count), dtype=np.int8)
+    return _fixed(1.0 - 2.0 * flips)
+
+
+def _fixed(values: np.ndarray) -> np.ndarray:
+    values.setflags(write=False)
+    return values
 
 
 def _percentiles(resampled: np.ndarray) -> tuple[float, float]:
@@ -121,8 +156,7 @@ def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
     ratio = float(np.mean(a) / np.mean(b))
     if count < 2:
         return Estimate(ratio, math.nan, math.nan, count)
-    rng = stream("evaluate", seed, 0, 0, "statistics")
-    weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
+    weights = _weights(count, seed)
     below = weights @ b
     if not (np.all(below > 0) or np.all(below < 0)):
         return Estimate(ratio, math.nan, math.nan, count)
@@ -165,15 +199,11 @@ def sign_flip_p(differences: np.ndarray, seed: int = 0) -> float:
     n = len(differences)
     if not n:
         return math.nan
-    exact = 2**n <= PERMUTATIONS + 1
-    if exact:
-        flips = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
-    else:
-        flips = stream("evaluate", seed, 0, 0, "statistics").integers(0, 2, (PERMUTATIONS, n), dtype=np.int8)
-    sums = np.abs((1.0 - 2.0 * flips) @ differences)
+    signs = _signs(n, seed)
+    sums = np.abs(signs @ differences)
     observed = abs(differences.sum())
     extreme = np.count_nonzero(sums >= observed - 1e-12 * np.abs(differences).sum())
-    return float(extreme / 2**n if exact else (extreme + 1) / (PERMUTATIONS + 1))
+    return float(extreme / 2**n if len(signs) == 2**n else (extreme + 1) / (PERMUTATIONS + 1))
 
 
 def holm(p_values: Sequence[float]) -> np.ndarray:

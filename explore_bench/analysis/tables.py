@@ -55,6 +55,20 @@ WORLD_COLUMNS = ("scenario", "size", "trial", "world")
 """Those of worlds of every kind; the facts of a kind follow them."""
 
 
+def read_trials(store: Store) -> tuple[pd.DataFrame, list[TrialRecord], int]:
+    """`trial_table` of a store's current trials, these in brief, and how many stored ones are stale.
+
+    One whole trial is in memory at a time.
+
+    Raises
+    ------
+    RequestError : as `trial_table`.
+    """
+    found, stale = store.records(lambda record: (record.brief(), trial_row(record)))
+    records = [record for record, _ in found]
+    return _table_of(records, [row for _, row in found]), records, stale
+
+
 def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     """One row a trial, ordered by strategy, training seed, size and trial.
 
@@ -67,35 +81,39 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     ------
     RequestError : where two different strategies, or sets of weights, have the same name.
     """
+    return _table_of(records, [trial_row(record) for record in records])
+
+
+def trial_row(record: TrialRecord) -> dict[str, Any]:
+    """What `trial_table` says of a trial by itself: all but the regret."""
+    spec, steps = record.spec, record.steps
+    values: dict[str, Any] = {
+        name: metric.value(record) for name, metric in (METRICS | metrics_of(spec.scenario.kind)).items()
+    }
+    return values | {
+        "strategy": spec.strategy,
+        "training_seed": spec.training_seed,
+        "size": spec.scenario.size,
+        "trial": spec.trial,
+        "world": record.world.digest,
+        "status": record.status,
+        "steps": max(len(steps["step"]) - 1, 0),
+        "decisions": int(steps["decisions"][-1]) if len(steps["step"]) else 0,
+        "scenario": spec.scenario_name,
+        "reason": record.reason,
+    }
+
+
+def _table_of(records: Sequence[TrialRecord], rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Table of the rows of some trials, in brief or whole, with their regret."""
     refuse_shared_names(record.spec for record in records)
     references = {(record.spec.scenario, record.spec.trial): record for record in records if record.notes}
-    own = {kind: metrics_of(kind) for kind in dict.fromkeys(record.spec.scenario.kind for record in records)}
-    rows = []
-    for record in records:
-        spec, steps = record.spec, record.steps
-        measured = METRICS | own[spec.scenario.kind]
-        values: dict[str, Any] = {name: metric.value(record) for name, metric in measured.items()}
-        rows.append(
-            values
-            | {
-                name: regret(record, references.get((spec.scenario, spec.trial)), note)
-                for name, (note, _) in REGRETS.items()
-            }
-            | {
-                "strategy": spec.strategy,
-                "training_seed": spec.training_seed,
-                "size": spec.scenario.size,
-                "trial": spec.trial,
-                "world": record.world.digest,
-                "status": record.status,
-                "steps": max(len(steps["step"]) - 1, 0),
-                "decisions": int(steps["decisions"][-1]) if len(steps["step"]) else 0,
-                "scenario": spec.scenario_name,
-                "reason": record.reason,
-            }
-        )
-    columns = [*TRIAL_COLUMNS, *dict.fromkeys(name for metrics in own.values() for name in metrics)]
-    table = pd.DataFrame(rows, columns=columns).astype({"training_seed": "Int64", "size": float})
+    for record, row in zip(records, rows, strict=True):
+        reference = references.get((record.spec.scenario, record.spec.trial))
+        row |= {name: regret(record, reference, note) for name, (note, _) in REGRETS.items()}
+    own = [name for kind in dict.fromkeys(record.spec.scenario.kind for record in records) for name in metrics_of(kind)]
+    table = pd.DataFrame(rows, columns=[*TRIAL_COLUMNS, *dict.fromkeys(own)])
+    table = table.astype({"training_seed": "Int64", "size": float})
     return rounded(table.sort_values(KEYS, kind="stable", ignore_index=True, na_position="first"))
 
 
@@ -143,7 +161,7 @@ def refuse_shared_names(specs: Iterable[TrialSpec]) -> None:
 
 def write_trials(store: Store) -> pd.DataFrame:
     """Write `trials.csv` from the current records of a folder and return its rows."""
-    table = trial_table(store.records()[0])
+    table, _, _ = read_trials(store)
     write_table(table, store.folder / "trials.csv")
     return table
 

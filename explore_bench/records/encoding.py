@@ -11,8 +11,8 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,10 @@ UNSEALED = b"the SHA-256 of the file with these words where it stands in hex."
 """What a shard holds under DIGEST_KEY while its own digest is computed."""
 
 _SEAL = re.compile(re.escape(DIGEST_KEY) + rb".{1,8}?([0-9a-f]{64})", re.DOTALL)
+
+
+BRIEF_COLUMNS = ("step", "uncertainty", "peak_trace", "explored")
+"""Columns of the rows that a trial's score and its curves follow from."""
 
 
 class DamagedError(RequestError):
@@ -69,6 +73,10 @@ class TrialRecord:
     transient: bool
     fine_map: NDArray[np.uint8] | None = None
     notes: dict[str, float] = field(default_factory=dict)
+
+    def brief(self) -> TrialRecord:
+        """The record with BRIEF_COLUMNS alone of its rows: what many of are in memory at a time."""
+        return replace(self, steps={name: self.steps[name] for name in BRIEF_COLUMNS}, final={})
 
 
 @dataclass(frozen=True)
@@ -209,7 +217,7 @@ def version_words(version: object) -> str:
 
 def facts_of(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
     """Metadata of a shard: the specification of its trial, its ending and its world."""
-    facts: dict[str, Any] = json.loads(shard.schema_arrow.metadata[METADATA_KEY])
+    facts: dict[str, Any] = json.loads(shard.metadata.metadata[METADATA_KEY])
     if facts.get("schema") != SCHEMA_VERSION:
         raise RequestError(f"'{path}' is of {version_words(facts.get('schema'))}; give another folder with --results.")
     return facts
@@ -236,7 +244,7 @@ def record_of(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
 
 def _last_fine_map(shard: pq.ParquetFile, scenario: Any) -> NDArray[np.uint8] | None:
     """Newest finer map that a shard holds; None where it holds none."""
-    if "fine" not in shard.schema_arrow.names:
+    if "fine" not in shard.schema.names:
         return None
     maps = shard.read(["fine"], use_threads=False)["fine"].drop_null()
     return unpack_fine_map(maps[-1].as_py(), scenario.map_grid.shape) if len(maps) else None
@@ -244,7 +252,13 @@ def _last_fine_map(shard: pq.ParquetFile, scenario: Any) -> NDArray[np.uint8] | 
 
 def spec_from(values: dict[str, Any]) -> TrialSpec:
     """Specification from the plain values of `spec_values`."""
-    return TrialSpec(**{**values, "scenario": Scenario(**values["scenario"])})
+    return TrialSpec(**{**values, "scenario": _scenario_from(json.dumps(values["scenario"]))})
+
+
+@lru_cache(maxsize=256)
+def _scenario_from(values: str) -> Scenario:
+    """Scenario from its values in JSON: one for all of its trials."""
+    return Scenario(**json.loads(values))
 
 
 def read_record(path: Path) -> TrialRecord:

@@ -6,7 +6,8 @@ import json
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -180,15 +181,21 @@ class Store:
         """Read the replay of a stored trial."""
         return read_replay(self.path(trial_key(spec)))
 
-    def records(self) -> tuple[list[TrialRecord], int]:
+    def records(self, keep: Callable[[TrialRecord], Any] = lambda record: record) -> tuple[list[Any], int]:
         """All trials of the folder whose key is still that of their specification, and how many are stale.
 
         A trial is stale where the code or the libraries that it ran have changed since. The order is that of
         `trials.csv`: strategy, training seed, size, trial. Damaged shards are moved aside.
+
+        Thousands of whole records fill a memory: `keep` says what to keep of each, the rest is forgotten at once.
         """
-        found = [record for _, record in self.survey(mend=True)]
-        current = [record for record in found if record is not None]
-        return sorted(current, key=_order), len(found) - len(current)
+        found, stale = [], 0
+        for _, record in self.survey(mend=True):
+            if record is None:
+                stale += 1
+            else:
+                found.append((_order(record), keep(record)))
+        return [kept for _, kept in sorted(found, key=itemgetter(0))], stale
 
     def survey(self, mend: bool = False) -> Iterator[tuple[Path, TrialRecord | None]]:
         """Every shard in the order of the keys, with its record, or None where it is stale.

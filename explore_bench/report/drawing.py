@@ -16,6 +16,8 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -109,9 +111,10 @@ def save(figure: Figure, path: Path) -> None:
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     drawn = io.BytesIO()
-    if suffix == ".png":
-        figure.savefig(drawn, format="png", metadata={"Software": None})
+    figure.dpi = matplotlib.rcParams["savefig.dpi"]
+    if suffix == ".png":  # not by figure.savefig, which draws all of it once more for a layout that is done
+        FigureCanvasAgg(figure).print_png(drawn, metadata={"Software": None})
         write_whole(path, drawn.getvalue())
     else:
-        figure.savefig(drawn, format="svg", metadata={"Date": None})
+        FigureCanvasSVG(figure).print_svg(drawn, metadata={"Date": None})
         write_whole(path, slim(drawn.getvalue().decode()))

@@ -114,7 +114,7 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
     figure, grid = plt.subplots(rows, columns, figsize=(3.4 * columns, 3.6 * rows + 0.7), squeeze=False)
     for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
         replay = store.replay(record.spec)
-        scene = scene_of(record, replay, max(len(replay.steps) - 2, 0))
+        scene = scene_of(store.find(record.spec), replay, max(len(replay.steps) - 2, 0))
         draw_scene(axes, scene)
         axes.set_title(f"{shown_name(name)}\n{record.status} after {record.steps['step'][-1]} steps")
     for axes in grid.flat[len(shown) :]:
@@ -131,7 +131,7 @@ def _figure_6(store: Store, records: Sequence[TrialRecord]) -> Figure | None:
         if spec.trial == EXAMPLE_TRIAL and len(record.steps["step"]) > 1:
             figure, axes = plt.subplots(figsize=(6.6, 4.6))
             replay = store.replay(spec)
-            scene = scene_of(record, replay, len(replay.steps) // 2)
+            scene = scene_of(store.find(spec), replay, len(replay.steps) // 2)
             draw_scene(axes, scene)
             axes.set_title(f"{shown_name(spec.strategy)}, step {replay.steps[len(replay.steps) // 2]}")
             figure.legend(handles=scene_legend(scene), loc="outside right center", fontsize=8)
@@ -149,8 +149,8 @@ def _moment_of_16(store: Store, records: Sequence[TrialRecord]) -> tuple[str, Sc
     if not names:
         return None
     name = next((name for name in names if FIGURE_16_SUITE in entry_of(name).suites), names[0])
-    record = min((one for one in own if one.spec.strategy == name), key=lambda one: one.spec.trial)
-    replay = store.replay(record.spec)
+    spec = min((one.spec for one in own if one.spec.strategy == name), key=lambda spec: spec.trial)
+    record, replay = store.find(spec), store.replay(spec)
     third = (len(replay.steps) - 1) // 3
     driven = np.diff(record.steps["path_length"][replay.steps])
     chosen = third + int(driven[third : 2 * third + 1].argmax())

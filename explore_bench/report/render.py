@@ -9,7 +9,7 @@ import pandas as pd
 
 from explore_bench.analysis.csv_files import write_table
 from explore_bench.analysis.metrics import counts
-from explore_bench.analysis.tables import measured, of_paper, summary_table, trial_table, world_table
+from explore_bench.analysis.tables import measured, of_paper, read_trials, summary_table, world_table
 from explore_bench.analysis.times import read_times
 from explore_bench.errors import RequestError, writing
 from explore_bench.records.encoding import TrialRecord
@@ -50,11 +50,10 @@ def write_report(folder: Path) -> Report:
     RequestError : where the folder holds no current trial, or cannot be written.
     """
     store = Store(folder)
-    records, stale = store.records()
+    every, records, stale = read_trials(store)
     if not records:
         what = f"{stale} trials of older code or libraries" if stale else "no trials"
         raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
-    every = trial_table(records)
     trials = measured(every)
     if not len(trials):
         raise RequestError(
@@ -67,7 +66,11 @@ def write_report(folder: Path) -> Report:
         files += [write_table(worlds, folder / "worlds.csv")] if len(worlds) else []
         drawn = _write_kind_figures(counted, trials, folder / "figures")
         if trials["scenario"].nunique() > 1 and all(record.spec.scenario.map for record in records):
-            files += write_tables(own, folder / "tables") + drawn + write_map_report(trials, counted, folder)
+            files += (
+                write_tables(own, folder / "tables")
+                + drawn
+                + write_map_report(trials, _of_first_world(store, counted), folder)
+            )
         elif trials["scenario"].nunique() == 1 or own:
             files += _write_all(store, records, trials, own, drawn, stale, folder)
         else:  # a mean over different physics would mean nothing
@@ -104,7 +107,7 @@ def _write_all(
             (folder / "tables" / f"{other}{suffix}").unlink(missing_ok=True)
     files += write_tables(claims | tables, folder / "tables")
     files += write_figures(store, [record for record in records if counts(record)], folder / "figures")
-    files += _write_ways(records, folder / "figures" / "ways")
+    files += _write_ways(store, records, folder / "figures" / "ways")
     files += write_training_figures(folder / "figures") if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
@@ -113,11 +116,18 @@ def _write_all(
     return [*files, write_page(page, folder / "report.html")]
 
 
-def _write_ways(records: list[TrialRecord], stem: Path) -> list[Path]:
+def _write_ways(store: Store, records: list[TrialRecord], stem: Path) -> list[Path]:
     """Draw the ways through a given map, if all trials ran in one."""
     one = records[0].spec.scenario.map is not None and len({record.spec.scenario.map for record in records}) == 1
+    counted = [record for record in records if counts(record)]
     with styled():
-        return save_all(maps_figure([record for record in records if counts(record)]) if one else None, stem)
+        return save_all(maps_figure(_of_first_world(store, counted)) if one else None, stem)
+
+
+def _of_first_world(store: Store, records: list[TrialRecord]) -> list[TrialRecord]:
+    """Whole records of those of the first world, whose ways are drawn."""
+    first = min((record.spec.trial for record in records), default=0)
+    return [store.find(record.spec) for record in records if record.spec.trial == first]
 
 
 def _write_kind_figures(records: list[TrialRecord], trials: pd.DataFrame, folder: Path) -> list[Path]:

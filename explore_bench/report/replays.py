@@ -68,9 +68,9 @@ def _of_cell(records: Sequence[TrialRecord]) -> list[Choice]:
 
 
 def packed(store: Store, record: TrialRecord) -> str:
-    """Replay of a stored trial for the page, in base64; empty where the trial holds no decision."""
+    """Replay of a stored trial, given in brief, for the page, in base64; empty where the trial holds no decision."""
     replay = store.replay(record.spec)
-    return base64.b64encode(pack_replay(record, replay)).decode() if replay.steps else ""
+    return base64.b64encode(pack_replay(store.find(record.spec), replay)).decode() if replay.steps else ""
 
 
 def pack_replay(record: TrialRecord, replay: Replay) -> bytes:

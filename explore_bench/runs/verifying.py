@@ -60,7 +60,7 @@ def verify(
     RequestError : where the folder holds no current trial.
     """
     store = Store(folder)
-    found, stale = store.records()
+    found, stale = store.records(TrialRecord.brief)
     records = {trial_key(record.spec): record for record in found if not record.transient}
     if not records:
         raise RequestError(
@@ -85,11 +85,15 @@ def verify(
                 undone.append((outcome.spec, record.reason))
             elif again.path(key).read_bytes() == store.path(key).read_bytes():
                 same += 1
-            elif what := difference((records[key], store.replay(outcome.spec)), (record, again.replay(outcome.spec))):
+            elif what := difference(_stored(store, outcome.spec), _stored(again, outcome.spec)):
                 different.append((outcome.spec, what))
             else:
                 close += 1
     return Verified(same, close, tuple(different), tuple(undone), stale, len(store.damaged))
+
+
+def _stored(store: Store, spec: TrialSpec) -> tuple[TrialRecord, Replay]:
+    return store.find(spec), store.replay(spec)
 
 
 def difference(before: tuple[TrialRecord, Replay], after: tuple[TrialRecord, Replay]) -> str:

@@ -5,7 +5,10 @@ import math
 import numpy as np
 import pytest
 from handmade import record
+from hypothesis import given, strategies as st
+from hypothesis.extra.numpy import arrays
 
+from explore_bench.analysis.going_back import going_back
 from explore_bench.analysis.metrics import FAR, THROUGH, crossings, round_trips
 from explore_bench.world.lidar.constants import LidarScenario
 from explore_bench.world.scenario import Scenario
@@ -130,6 +133,19 @@ def test_they_are_counted_in_lidar_worlds_by_the_same_rule():
 def test_turning_in_place_for_long_is_none():
     still = np.zeros(200)
     assert round_trips(record("explored", OPEN, true_x=still, true_y=still, path_length=still)) == 0
+
+
+@given(arrays(float, st.tuples(st.integers(0, 40), st.just(2)), elements=st.integers(-4, 4)), st.floats(0.5, 4.0))
+def test_a_pose_goes_back_where_it_was_before_it_was_off(places, near):
+    """As the definition says it, pose by pose."""
+    way = np.concatenate([np.zeros(min(len(places), 1)), np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    expected = []
+    for now in range(len(places)):
+        beside = ((places[:now] - places[now]) ** 2).sum(axis=1) <= near**2
+        off = np.flatnonzero(~beside)
+        before = np.flatnonzero(beside[: off[-1]]) if len(off) else []
+        expected.append(len(before) > 0 and way[now] - way[before[-1]] >= 2.0 * near)
+    assert going_back(places, way, near, 2.0 * near).tolist() == expected
 
 
 # Endings

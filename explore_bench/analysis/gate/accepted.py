@@ -17,7 +17,7 @@ import pandas as pd
 from explore_bench.analysis.csv_files import KEYS, read_csv, write_table
 from explore_bench.analysis.gate.pairs import belongs
 from explore_bench.analysis.gate.thresholds import Threshold, load_thresholds
-from explore_bench.analysis.tables import measured, trial_table
+from explore_bench.analysis.tables import measured, read_trials
 from explore_bench.errors import RequestError, unknown
 from explore_bench.files import parse_json, read_text, write_whole
 from explore_bench.records.store import Store
@@ -85,7 +85,7 @@ def read_results(folder: Path, family: Sequence[Threshold]) -> pd.DataFrame:
     RequestError : where neither can be read, or the records are of another version.
     """
     store = Store(folder)
-    return measured(trial_table(store.records()[0])) if store.exists() else _read_trials(folder / TRIALS_FILE, family)
+    return measured(read_trials(store)[0]) if store.exists() else _read_trials(folder / TRIALS_FILE, family)
 
 
 def _read_trials(path: Path, family: Sequence[Threshold]) -> pd.DataFrame:
