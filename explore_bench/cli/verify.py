@@ -19,13 +19,12 @@ SHOWN = 20
 def verify(results: Path, sample: int | None, workers: int | None) -> int:
     """Run stored trials again and say whether they come out the same, and with what differs if not."""
     from explore_bench.cli.run import Progress
-    from explore_bench.records.encoding import TrialRecord
     from explore_bench.records.store import Store
     from explore_bench.runs.runner import crew
     from explore_bench.runs.verifying import verify
 
     store = Store(results)
-    total = sum(1 for record in store.records(TrialRecord.brief)[0] if not record.transient)
+    total = sum(1 for transient in store.records(lambda record: record.transient)[0] if not transient)
     tell_damaged(store.damaged)
     with Progress(min(total, sample or total)) as advance:
         found = verify(results, sample, crew(workers=workers), progress=advance)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -46,6 +45,32 @@ class DamagedError(RequestError):
     """A shard is not, byte for byte, what was written."""
 
 
+class Columns(Mapping[str, np.ndarray]):
+    """Columns of a shard by name, each read when it is first asked for: most of what a shard costs is their decoding.
+
+    Parameters
+    ----------
+    shard : open, and kept until the columns are forgotten.
+    names : which there are.
+    """
+
+    def __init__(self, shard: pq.ParquetFile, names: Iterable[str]) -> None:
+        self._shard = shard
+        self._read: dict[str, np.ndarray | None] = dict.fromkeys(names)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        values = self._read[name]
+        if values is None:
+            values = self._read[name] = self._shard.read([name], use_threads=False)[name].to_numpy()
+        return values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._read)
+
+    def __len__(self) -> int:
+        return len(self._read)
+
+
 @dataclass(frozen=True, eq=False)
 class TrialRecord:
     """What the store says of one trial.
@@ -54,7 +79,7 @@ class TrialRecord:
     ----------
     status, reason : how it ended, and why where that says not all.
     spec : what defined it.
-    steps : columns of the rows by name, each of shape (T + 1,); empty where the trial failed at once.
+    steps : columns of the rows by name, each of shape (T + 1,), empty where the trial failed at once; see `Columns`.
     final : columns of FINAL_COLUMNS likewise.
     world : the true map.
     transient : whether it failed for want of time, memory or disk: such a trial runs again.
@@ -67,8 +92,8 @@ class TrialRecord:
     spec: TrialSpec
     status: str
     reason: str
-    steps: dict[str, np.ndarray]
-    final: dict[str, np.ndarray]
+    steps: Mapping[str, np.ndarray]
+    final: Mapping[str, np.ndarray]
     world: World
     transient: bool
     fine_map: NDArray[np.uint8] | None = None
@@ -117,9 +142,9 @@ def encode(result: TrialResult) -> bytes:
 
 def renamed(path: Path, spec: TrialSpec) -> bytes:
     """Bytes of a shard that names its trial as `spec` does: a file that it ran may lie elsewhere now."""
-    with opened(path) as shard:
-        facts = facts_of(shard, path) | {"spec": spec_values(spec)}
-        table = shard.read(use_threads=False)
+    shard = opened(path)
+    facts = facts_of(shard, path) | {"spec": spec_values(spec)}
+    table = shard.read(use_threads=False)
     schema = _schema(spec.scenario.kind, "fine" in table.column_names)
     table = table.select(schema.names).cast(schema)  # pyarrow names the items of a list anew
     return _encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(facts, sort_keys=True)}))
@@ -132,9 +157,9 @@ def comparable(path: Path) -> tuple[bytes, bool]:
     ------
     RequestError : for a file that is no shard or of another record version.
     """
-    with opened(path) as shard:
-        facts = facts_of(shard, path)
-        table = shard.read(use_threads=False)
+    shard = opened(path)
+    facts = facts_of(shard, path)
+    table = shard.read(use_threads=False)
     rest = {name: value for name, value in facts.items() if name != "spec"}
     return _encoded(table.replace_schema_metadata({METADATA_KEY: json.dumps(rest, sort_keys=True)})), facts["transient"]
 
@@ -189,9 +214,8 @@ def _schema(kind: str, fine: bool) -> pa.Schema:
     return pa.schema([pa.field(name, arrow(column)) for name, column in columns.items()])
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a shard.
+def opened(path: Path) -> pq.ParquetFile:
+    """Open a shard, all of which is in memory then: its file is not read again.
 
     Raises
     ------
@@ -205,8 +229,7 @@ def opened(path: Path) -> Iterator[pq.ParquetFile]:
         raise RequestError(f"'{path}' cannot be read ({reason}); give the right to, or another folder.") from None
     if not _is_whole(content):
         raise DamagedError(f"'{path}' is no readable record; delete it and run again.")
-    with pq.ParquetFile(pa.BufferReader(content)) as shard:
-        yield shard
+    return pq.ParquetFile(pa.BufferReader(content))
 
 
 def version_words(version: object) -> str:
@@ -226,15 +249,12 @@ def facts_of(shard: pq.ParquetFile, path: Path) -> dict[str, Any]:
 def record_of(shard: pq.ParquetFile, facts: dict[str, Any]) -> TrialRecord:
     """Record of an open shard, whose metadata are `facts`."""
     spec = spec_from(facts["spec"])
-    own = step_columns(spec.scenario.kind)
-    columns = shard.read([*own, *FINAL_COLUMNS], use_threads=False)
-    arrays = {name: columns[name].to_numpy() for name in columns.column_names}
     return TrialRecord(
         spec=spec,
         status=facts["status"],
         reason=facts["reason"],
-        steps={name: arrays[name] for name in own},
-        final={name: arrays[name] for name in FINAL_COLUMNS},
+        steps=Columns(shard, step_columns(spec.scenario.kind)),
+        final=Columns(shard, FINAL_COLUMNS),
         world=kind_of(spec.scenario.kind).load("world").from_facts(facts["world"], spec.scenario),
         transient=facts["transient"],
         fine_map=_last_fine_map(shard, spec.scenario),
@@ -268,15 +288,15 @@ def read_record(path: Path) -> TrialRecord:
     ------
     RequestError : for a file that is no shard or of another record version.
     """
-    with opened(path) as shard:
-        return record_of(shard, facts_of(shard, path))
+    shard = opened(path)
+    return record_of(shard, facts_of(shard, path))
 
 
 def read_replay(path: Path) -> Replay:
     """Read the replay that a shard holds; errors as of `read_record`."""
-    with opened(path) as shard:
-        facts_of(shard, path)
-        table = shard.read(["step", *REPLAY_COLUMNS, *FINE_COLUMNS], use_threads=False).to_pylist()
+    shard = opened(path)
+    facts_of(shard, path)
+    table = shard.read(["step", *REPLAY_COLUMNS, *FINE_COLUMNS], use_threads=False).to_pylist()
     rows = [row for row in table if row["map"] is not None]
     fine = [row for row in rows if row.get("fine") is not None]  # all of them, or none
     return Replay(

@@ -161,8 +161,7 @@ class Store:
     def _facts(self, path: Path) -> dict[str, Any] | None:
         """Metadata of a shard; None where it is damaged."""
         try:
-            with opened(path) as shard:
-                return facts_of(shard, path)
+            return facts_of(opened(path), path)
         except DamagedError:
             return None
 
@@ -209,9 +208,9 @@ class Store:
         self.protocol()
         for path in sorted(self.runs.glob("*.parquet")):
             try:
-                with opened(path) as shard:
-                    facts = facts_of(shard, path)
-                    record = record_of(shard, facts) if _is_current(facts["spec"], path.stem) else None
+                shard = opened(path)
+                facts = facts_of(shard, path)
+                record = record_of(shard, facts) if _is_current(facts["spec"], path.stem) else None
             except DamagedError:
                 if not mend:
                     raise

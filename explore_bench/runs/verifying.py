@@ -60,8 +60,8 @@ def verify(
     RequestError : where the folder holds no current trial.
     """
     store = Store(folder)
-    found, stale = store.records(TrialRecord.brief)
-    records = {trial_key(record.spec): record for record in found if not record.transient}
+    found, stale = store.records(lambda record: (record.spec, record.transient))
+    records = {trial_key(spec): spec for spec, transient in found if not transient}
     if not records:
         raise RequestError(
             f"results folder '{folder}' holds no trial of the present code; run some with 'explore-bench run SUITE'."
@@ -73,7 +73,7 @@ def verify(
     with tempfile.TemporaryDirectory(prefix="explore-bench-") as place:
         again = Store(Path(place))
         again.adopt(store.protocol())
-        for outcome in execute([records[key].spec for key in keys], again, workers, backend, timeout):
+        for outcome in execute([records[key] for key in keys], again, workers, backend, timeout):
             if progress:
                 progress(outcome)
             key = trial_key(outcome.spec)

@@ -166,16 +166,19 @@ def _take(store: Store, key: str, shard: Path, spec: TrialSpec) -> str:
     """
     refusal = RequestError(f"trials/{shard.name} is no record of its trial; ask for one packed anew.")
     try:
-        with opened(shard) as content:
-            size = sum(content.metadata.row_group(i).total_byte_size for i in range(content.metadata.num_row_groups))
-            if content.metadata.num_rows > MOST_ROWS or size > MOST_UNPACKED:
-                raise refusal
-            facts = facts_of(content, shard)
-            if facts["spec"] != json.loads(json.dumps(spec_values(inside(spec)))) or facts["transient"]:
-                raise refusal
+        content = opened(shard)
+        size = sum(content.metadata.row_group(i).total_byte_size for i in range(content.metadata.num_row_groups))
+        if content.metadata.num_rows > MOST_ROWS or size > MOST_UNPACKED:
+            raise refusal
+        facts = facts_of(content, shard)
+        if facts["spec"] != json.loads(json.dumps(spec_values(inside(spec)))) or facts["transient"]:
+            raise refusal
         store.keep(key, renamed(shard, spec))
         store.replay(spec)
-        return store.find(spec).status
+        record = store.find(spec)
+        for columns in (record.steps, record.final):
+            list(columns.values())  # each of them can be read
+        return record.status
     except RequestError:
         raise refusal from None
     except Exception as error:  # whatever comes of bytes that somebody else wrote
