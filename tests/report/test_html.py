@@ -301,10 +301,22 @@ def test_where_a_strategy_tried_two_worlds_nobody_says_that_there_are_no_interva
 
 def test_what_was_not_run_or_not_trained_is_said(untrained):
     untrained("gcn-obs")
-    found = gaps(trial_table([record(uncertainty=[200.0, 50.0])]))
-    assert any(line.startswith("Not run: ") and "Random" in line for line in found)
+    absent = {"gcn-obs", "random", "entropy"}
+    ran = [name for name, entry in strategies().items() if "table2" in entry.tables and name not in absent]
+    found = gaps(trial_table([record(strategy=name, uncertainty=[200.0, 50.0]) for name in ran]))
+    [line] = [line for line in found if line.startswith("Not run: ")]
+    assert set(re.split(r": |; |\.$", line)) == {"Not run", "Random", "Entropy", ""}
     [line] = [line for line in found if line.startswith("Not trained, hence not run: ")]
     assert "GCN-obs" in re.split(r": |; |\.$", line)
+
+
+def test_who_runs_a_few_strategies_misses_no_other():
+    """In a folder of the first Table 2 is begun, not Table 3; in one of the second neither is."""
+    table2 = [name for name, entry in strategies().items() if "table2" in entry.tables]
+    few = [record(strategy=name, uncertainty=[200.0, 50.0]) for name in ("nearest", "random", "graph-stnn")]
+    assert not [line for line in gaps(trial_table(few)) if line.startswith("Not ")]
+    all_ = [record(strategy=name, uncertainty=[200.0, 50.0]) for name in table2]
+    assert not [line for line in gaps(trial_table(all_)) if line.startswith("Not ")]
 
 
 @pytest.mark.parametrize("name", ["stage", "chen2020"])
