@@ -105,6 +105,7 @@ train: $(READY)          ## Train every shipped weight anew, into results/traini
 	    $(BIN)/explore-bench train "$$name" --seed "$${0##*-}" --resume || exit 255' {}
 
 setup: $(READY)          ## Only set up
+	@echo "Ready: . $(VENV)/bin/activate puts explore-bench on the path."
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -496,7 +496,8 @@ def search_margins() -> str:
     seeds = {side: [name for name in table.columns if name.startswith(f"{side}, seed")] for side in ("best", "shipped")}
     rows = []
     for row in table.to_dict("records"):
-        own = {"strategy": f"`{row['strategy']}`", "configuration": row["configuration"], "size [m]": f"{row['size']:g}"}
+        own = {"strategy": f"`{row['strategy']}`", "configuration": row["configuration"]}
+        own["size [m]"] = f"{row['size']:g}"
         for side, names in seeds.items():
             each = sorted(row[name] for name in names)
             own[side] = f"{signed_text(row[side], 2)} ({signed_text(each[0], 2)} to {signed_text(each[-1], 2)})"

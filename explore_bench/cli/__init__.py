@@ -26,6 +26,9 @@ from explore_bench.cli.train import train
 from explore_bench.cli.verify import verify
 from explore_bench.errors import RequestError, one_line
 
+KEPT = {"run": "what is done is stored, the same command goes on"}
+"""What an interrupted verb leaves behind, where it does not begin anew; `train` says so itself."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script: one line on stderr for whatever is wrong, and the exit code."""
@@ -39,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except RequestError as error:
         code = _complain(str(error))
     except (click.Abort, KeyboardInterrupt):
-        print("explore-bench: interrupted; what is done is stored, the same command goes on.", file=sys.stderr)
+        verb = next((word for word in arguments if word in cli.commands), "")
+        print(f"explore-bench: interrupted; {KEPT.get(verb, 'the same command begins anew')}.", file=sys.stderr)
         code = INTERRUPTED
     sys.exit(code)
 

@@ -67,8 +67,10 @@ def new(file: Path) -> int:
         raise
     shown = f"{file}" if file.is_absolute() else f"./{file}"
     click.echo(f"{file}: the strategy {name}, and {test}, its test. Next:")
-    click.echo(f"  explore-bench run smoke -s {shown}:{name} -s random --results {file.stem}")
     click.echo(f"  explore-bench check {shown}:{name}")
+    click.echo(f"  explore-bench run smoke -s {shown}:{name} -s random --results {file.stem}")
+    click.echo(f"  explore-bench report --results {file.stem}")
+    click.echo("run with --map FILE explores a map of your own; give each map another folder of results.")
     return DONE
 
 

@@ -17,6 +17,7 @@ def report(results: Path) -> int:
 
     written = write_report(results)
     stale = f", {written.stale} of older code left out" if written.stale else ""
-    click.echo(f"{len(written.files)} files in {results} from {written.trials} trials{stale}")
+    page = next((f"; open {file} in a browser" for file in written.files if file.name == "report.html"), "")
+    click.echo(f"{len(written.files)} files in {results} from {written.trials} trials{stale}{page}")
     tell_damaged(written.damaged)
     return DONE

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +28,7 @@ from explore_bench.errors import RequestError, one_line
 
 if TYPE_CHECKING:
     from explore_bench.runs.suites import Plan
-    from explore_bench.trial.spec import Outcome
+    from explore_bench.trial.spec import Outcome, TrialSpec
     from explore_bench.world.maps import GivenMap
 
 
@@ -104,7 +106,7 @@ def _run(
     memory: float | None,
     dry_run: bool,
 ) -> int:
-    from explore_bench.analysis.times import expected_seconds
+    from explore_bench.analysis.times import Expectation
     from explore_bench.records.store import Store, missing
     from explore_bench.runs import runner
     from explore_bench.runs.workers import IncompleteError
@@ -118,10 +120,12 @@ def _run(
         store.take(asked.specs)
     to_do = list(missing(store, asked.specs))
     stored = len(asked.specs) - len(to_do)
+    expectation = Expectation(store.folder)
+    expected = sum(map(expectation.of, to_do))
     tell_map(given)
     click.echo(
         f"plan: {len(asked.specs)} trials, {stored} stored, {len(to_do)} to do with {workers} workers"
-        + (f", about {_duration(expected_seconds(store.folder, to_do) / workers)}" if to_do else "")
+        + (f", about {_duration(expected / workers)} where nothing else runs" if to_do else "")
     )
     if asked.untrained:
         click.echo(f"not trained: {', '.join(asked.untrained)}")
@@ -130,7 +134,7 @@ def _run(
     if dry_run:
         return DONE
     try:
-        with Progress(len(to_do)) as advance:
+        with Progress(len(to_do), expectation.of, expected) as advance:
             table = runner.complete(to_do, store, workers, backend, timeout, advance, scheduler, memory)
         rows = runner.asked_for(table, asked.specs)
     except IncompleteError as error:
@@ -139,7 +143,10 @@ def _run(
     finally:
         tell_damaged(store.damaged)
     failed, broken = rows["status"] == "failed", rows["status"] == "broken"
-    click.echo(f"{len(table)} trials in {results / 'trials.csv'}, {failed.sum()} of those asked for failed")
+    click.echo(
+        f"{len(table)} trials in {results / 'trials.csv'}, {failed.sum()} of those asked for failed; "
+        f"explore-bench report --results {shlex.quote(str(results))} writes what they show"
+    )
     if broken.any():
         click.echo(
             f"explore-bench: the simulator broke down in {broken.sum()} of them, which no table counts; report that: "
@@ -154,18 +161,29 @@ def _run(
 
 
 class Progress:
-    """Progress bar on a terminal, a line every tenth elsewhere; failures are printed as they come."""
+    """Progress bar on a terminal, a line every tenth elsewhere, both with the time that is left; failures as they come.
 
-    def __init__(self, total: int) -> None:
+    Parameters
+    ----------
+    total : number of trials.
+    weigh : share of a trial in the `weight` of all, the seconds that it is expected to take; by default all are alike.
+    """
+
+    def __init__(
+        self, total: int, weigh: Callable[[TrialSpec], float] = lambda spec: 1.0, weight: float | None = None
+    ) -> None:
         self._total, self._done = total, 0
+        self._weigh, self._weight, self._weight_done = weigh, total if weight is None else weight, 0.0
+        self._begun = time.monotonic()
         self._bar: Any = None
         if total and sys.stderr.isatty():
             from rich import progress
             from rich.console import Console
 
             columns = (progress.TextColumn("trials"), progress.BarColumn(), progress.MofNCompleteColumn())
-            self._bar = progress.Progress(*columns, progress.TimeRemainingColumn(), console=Console(stderr=True))
-            self._task = self._bar.add_task("trials", total=total)
+            left = progress.TextColumn("{task.fields[left]}")
+            self._bar = progress.Progress(*columns, left, console=Console(stderr=True))
+            self._task = self._bar.add_task("trials", total=total, left="")
 
     def __enter__(self) -> Callable[[Outcome], None]:
         if self._bar:
@@ -178,15 +196,28 @@ class Progress:
 
     def _advance(self, outcome: Outcome) -> None:
         self._done += 1
+        self._weight_done += self._weigh(outcome.spec)
         if outcome.status.value in ("failed", "stuck", "broken"):
             spec = outcome.spec
             place = f"{spec.strategy}, {spec.scenario.size:g} m, world {spec.trial}"
             click.echo(f"{outcome.status.value}: {place}: {one_line(outcome.reason)}", err=True)
         if self._bar:
-            self._bar.advance(self._task)
+            self._bar.update(self._task, advance=1, left=self._left())
         elif self._done == self._total or self._done % max(self._total // 10, 1) == 0:
-            click.echo(f"{self._done} of {self._total} trials", err=True)
+            left = self._left()
+            click.echo(f"{self._done} of {self._total} trials{left and ', '}{left}", err=True)
+
+    def _left(self) -> str:
+        """Time that is left in words; empty at the end."""
+        from explore_bench.analysis.times import seconds_left
+
+        if self._done == self._total:
+            return ""
+        seconds = seconds_left(time.monotonic() - self._begun, self._weight_done, self._weight)
+        return f"about {_duration(seconds)} to go"
 
 
 def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 90 * 60 else f"{seconds / 3600:.1f} h"

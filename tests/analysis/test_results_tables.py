@@ -30,9 +30,10 @@ from explore_bench.analysis.tables import (
 from explore_bench.analysis.times import (
     EVERY_DECISION,
     TIME_COLUMNS,
+    Expectation,
     every_decision_ms,
-    expected_seconds,
     read_times,
+    seconds_left,
     write_times,
 )
 from explore_bench.errors import RequestError
@@ -481,24 +482,37 @@ def test_a_trial_without_decisions_has_no_decision_time(tmp_path):
 
 def test_the_time_to_expect_is_the_mean_of_the_like_that_ran(tmp_path):
     write_times(tmp_path, [outcome(0, 2.0), outcome(1, 4.0), outcome(0, 50.0, "random")])
-    assert expected_seconds(tmp_path, tiny_plan(("nearest",), trials=5)) == pytest.approx(15.0)
+    assert Expectation(tmp_path).of(tiny_plan(("nearest",), trials=1)[0]) == pytest.approx(3.0)
 
 
 def test_without_times_larger_maps_are_expected_to_take_longer(tmp_path):
     small, large = tiny_plan(("nearest",), trials=1)[0], outcome(0, 1.0, size=24.0).spec
-    assert expected_seconds(tmp_path, []) == 0.0
-    assert 0.0 < 4 * expected_seconds(tmp_path, [small]) < expected_seconds(tmp_path, [large])
+    assert 0.0 < 4 * Expectation(tmp_path).of(small) < Expectation(tmp_path).of(large)
 
 
-def test_a_trial_with_a_lidar_is_expected_to_take_seconds_not_a_fraction_of_one(tmp_path):
-    specs = plan("stage", ["nearest"]).specs
-    assert 200.0 < expected_seconds(tmp_path, specs) < 600.0, "3 s for each of 100"
+@pytest.mark.parametrize(("suite", "least", "most"), [("paper", 10, 40), ("stage", 15, 60), ("plans", 5, 30)])
+def test_the_time_that_a_suite_is_expected_to_take_is_that_of_an_idle_machine(suite, least, most, tmp_path):
+    """Minutes on two cores, within a factor of two of what they took."""
+    assert least < sum(map(Expectation(tmp_path).of, plan(suite).specs)) / 2 / 60 < most
+
+
+def test_finer_cells_of_the_same_floor_cost_in_proportion_to_their_number(tmp_path):
+    coarse = outcome(0, 1.0, size=24.0).spec
+    fine = dataclasses.replace(coarse, scenario=coarse.scenario.replace(cell_size=coarse.scenario.cell_size / 2))
+    assert Expectation(tmp_path).of(fine) == pytest.approx(4 * Expectation(tmp_path).of(coarse))
+
+
+def test_the_time_that_is_left_follows_how_fast_trials_came():
+    assert seconds_left(60.0, done=10.0, expected=30.0) == 120.0, "three times as slow as expected, two thirds left"
+    assert seconds_left(60.0, done=40.0, expected=30.0) == 0.0
+    assert seconds_left(60.0, done=0.0, expected=30.0) == 30.0
 
 
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "\x00\x01"], ids=["empty", "other columns", "bytes"])
 def test_a_times_file_that_is_none_is_as_good_as_none(tmp_path, content):
-    expected = expected_seconds(tmp_path, tiny_plan(trials=1))
+    [spec] = tiny_plan(("nearest",), trials=1)
+    expected = Expectation(tmp_path).of(spec)
     (tmp_path / "times.csv").write_text(content)
-    assert expected_seconds(tmp_path, tiny_plan(trials=1)) == expected
+    assert Expectation(tmp_path).of(spec) == expected
     write_times(tmp_path, [outcome(0, 1.5)])
     assert read_csv(tmp_path / "times.csv", TIME_COLUMNS)["seconds"].tolist() == [1.5]

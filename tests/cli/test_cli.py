@@ -561,7 +561,12 @@ def test_a_second_run_does_nothing_and_a_larger_one_the_rest(call, smoke, tmp_pa
 
 def test_progress_is_in_plain_lines_where_there_is_no_terminal(call, smoke):
     _, _, err = call(*smoke, "-s", "nearest", "--trials", 3)
-    assert err.splitlines() == ["1 of 3 trials", "2 of 3 trials", "3 of 3 trials"]
+    *begun, last = err.splitlines()
+    assert [re.sub(r"\d+ s", "N s", line) for line in begun] == [
+        "1 of 3 trials, about N s to go",
+        "2 of 3 trials, about N s to go",
+    ]
+    assert last == "3 of 3 trials"
 
 
 def test_a_dry_run_writes_nothing(call, smoke, tmp_path, monkeypatch, untrained):
@@ -667,13 +672,31 @@ def test_an_interrupted_run_says_so_and_keeps_what_is_done(call, smoke, tmp_path
     finally:
         signal.signal(signal.SIGINT, previous)
     assert code == 130
-    assert "interrupted" in err.splitlines()[-1]
+    assert err.splitlines()[-1] == "explore-bench: interrupted; what is done is stored, the same command goes on."
     assert "Traceback" not in err
     table = pd.read_csv(tmp_path / "results" / "trials.csv")
     assert list(table["trial"]) == [0]
     assert list(table["status"]) == ["explored"]
     _, out, _ = call(*smoke, "-s", strategy, "--trials", 3, "--dry-run")
     assert "3 trials, 1 stored, 2 to do" in out
+
+
+@pytest.mark.parametrize(
+    ("verb", "worker"),
+    [
+        (("demo", "nearest"), "explore_bench.report.demo.draw_trials"),
+        (("report",), "explore_bench.report.render.write_report"),
+        (("check", "nearest"), "explore_bench.runs.conformance.findings"),
+    ],
+)
+def test_a_verb_that_stores_nothing_does_not_promise_to_go_on(call, monkeypatch, verb, worker):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(worker, interrupted)
+    code, _, err = call(*verb)
+    assert code == 130
+    assert err.strip() == "explore-bench: interrupted; the same command begins anew."
 
 
 def test_ctrl_c_on_a_terminal_reaches_all_workers_and_ends_the_run_quietly(tmp_path, tiny):

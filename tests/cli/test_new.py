@@ -32,8 +32,10 @@ def test_it_writes_a_strategy_and_its_test_and_says_what_is_next(call):
     assert (code, err) == (0, "")
     assert sorted(path.name for path in Path.cwd().iterdir()) == ["my_strategy.py", "test_my_strategy.py"]
     assert out.splitlines()[1:] == [
-        "  explore-bench run smoke -s ./my_strategy.py:MyStrategy -s random --results my_strategy",
         "  explore-bench check ./my_strategy.py:MyStrategy",
+        "  explore-bench run smoke -s ./my_strategy.py:MyStrategy -s random --results my_strategy",
+        "  explore-bench report --results my_strategy",
+        "run with --map FILE explores a map of your own; give each map another folder of results.",
     ]
     assert sum(bool(line) for line in STRATEGY.template.splitlines()) <= 12
 
