@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -109,8 +110,8 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
     gains = [f"{all_metrics()[duel.metric].symbol} {percent_text(duel.relative)} %" for duel in last]
     if last:
         text += f". Against the next, {second}: {_joined(gains)} at {_named(last[0].place, found)}"
-    few = 2.0 * len(found) / 2.0 ** worlds[-1] > LEVEL  # the least p there can be, after Holm's correction
-    return f"{text}." + (" So few worlds can show nothing." if few else "")
+    least = math.ceil(math.log2(2.0 * len(found) / LEVEL))  # worlds: the least p is 2/2ⁿ, times Holm's correction
+    return f"{text}." + (f" So few worlds can show nothing, {least} might." if worlds[-1] < least else "")
 
 
 def _compared(found: Sequence[Duel]) -> str:

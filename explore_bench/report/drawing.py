@@ -19,7 +19,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import AutoLocator, LogLocator, NullFormatter
 
 from explore_bench.errors import RequestError, writing
 from explore_bench.files import write_whole
@@ -74,9 +74,20 @@ def entry_of(name: str) -> Entry:
     return dataclasses.replace(entry, reference=True) if name in _references.get() else entry
 
 
+class _RoundNumbers(LogLocator):
+    """1, 2 and 5 times the powers of ten; any round numbers where fewer than two of these are in view."""
+
+    def __init__(self) -> None:
+        super().__init__(subs=(1, 2, 5))
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        ticks = super().tick_values(vmin, vmax)
+        return ticks if ((vmin <= ticks) & (ticks <= vmax)).sum() > 1 else AutoLocator().tick_values(vmin, vmax)
+
+
 def plain_log(axis: Axis) -> None:
-    """Mark a logarithmic axis at 1, 2 and 5 times the powers of ten, in plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    """Mark a logarithmic axis at round numbers, in plain digits."""
+    axis.set_major_locator(_RoundNumbers())
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 

@@ -210,5 +210,7 @@ def test_a_reader_is_shown_the_first_beside_what_others_are_measured_by(stored):
 
 def test_too_few_worlds_to_show_anything_are_said_to_be():
     found = [dataclasses.replace(one, worlds=4) for one in against("nearest", **OPEN)]
-    assert "So few worlds can show nothing" in how_sure([BEST, "nearest"], found)
+    assert how_sure([BEST, "nearest"], found).endswith("So few worlds can show nothing, 8 might.")
+    enough = [dataclasses.replace(one, worlds=8) for one in found]
+    assert "So few worlds" not in how_sure([BEST, "nearest"], enough)
     assert "So few worlds" not in how_sure([BEST, "nearest"], against("nearest", **OPEN))

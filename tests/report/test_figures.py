@@ -6,6 +6,7 @@ import re
 from types import SimpleNamespace
 
 import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from handmade import TINY, record, with_spec, write_plugin
@@ -461,3 +462,16 @@ def test_bands_are_intervals_around_the_mean(tmp_path):
         assert axes.get_lines()[0].get_ydata() == pytest.approx([0.5] * 3)
         save(figure, tmp_path / "deep" / "band.svg")
     assert (tmp_path / "deep" / "band.svg").exists()
+
+
+@pytest.mark.parametrize(("low", "high"), [(90, 195), (130, 480), (18, 2000), (95, 105)])
+def test_a_logarithmic_axis_has_two_plain_numbers_at_least(low, high):
+    """However little of a decade is in view."""
+    figure, axes = plt.subplots()
+    axes.set(xscale="log", xlim=(low, high))
+    drawing.plain_log(axes.xaxis)
+    figure.canvas.draw()
+    shown = [float(label.get_text()) for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
+    plt.close(figure)
+    assert len(shown) > 1
+    assert all(low <= number <= high for number in shown)
