@@ -40,7 +40,7 @@ SCORES = ("trajectory_error", "exploration_efficiency")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Replace the files that mkdocs found by those of the site."""
+    """Replace the pages that mkdocs found by those of the site; the theme's own files stay."""
     texts = {"api.md": _api(), "suites.md": _suites(), **{f"suites/{name}.md": _suite(name) for name in SUITES}}
     waiting = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "AGENTS.md", *_pages(ROOT / "docs")]
     for name, text in texts.items():
@@ -63,7 +63,7 @@ def on_files(files: Files, config: Any) -> Files:
         if (ROOT / name).is_file()
     ]
     own += [File.generated(config, name, content=text) for name, text in texts.items()]
-    return Files(own)
+    return Files([*(file for file in files if file.src_dir != config.docs_dir), *own])
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:

@@ -36,6 +36,20 @@ def test_the_menu_has_every_page_of_the_documentation():
     }
 
 
+def test_the_site_keeps_the_styles_and_the_scripts_of_its_theme(site, tmp_path):
+    """Without them it is a page of huge icons, and builds strictly all the same."""
+    from mkdocs.config import load_config
+    from mkdocs.structure.files import get_files
+
+    config = load_config(str(ROOT / "mkdocs.yml"), site_dir=str(tmp_path))
+    found = get_files(config)
+    found.add_files_from_theme(config.theme.get_env(), config)
+    names = {file.src_uri for file in config.plugins.on_files(found, config=config)}
+    for kind in ("stylesheets/main", "stylesheets/palette", "javascripts/bundle"):
+        assert any(name.startswith(f"assets/{kind}") for name in names), kind
+    assert {"README.md", "api.md", "docs/stage.md"} <= names
+
+
 @pytest.mark.parametrize("name", SUITES)
 def test_the_page_of_a_suite_has_version_observation_metrics_and_scores(site, name):
     page = site._suite(name)
