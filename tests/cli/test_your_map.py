@@ -154,6 +154,23 @@ def test_a_lidar_world_tells_how_much_a_robot_reaches_and_what_keeps_it_out(tmp_
     assert any("behind a passage of less than 0.8 m does not count" in line for line in lines)
 
 
+def test_the_metres_of_a_pixel_that_nothing_says_are_told_to_be_assumed(tmp_path, capsys):
+    """An image of a floor of 10 m would else become one of 400 m in silence; in a text a character is a cell."""
+    Image.fromarray(np.full((20, 20), 255, np.uint8)).save(tmp_path / "floor.png")
+    (tmp_path / "floor.txt").write_text("......\n......\n......\n")
+    assumed = "nothing says how wide a pixel is, and 2 m is taken; else add --resolution METRES"
+    for name, options, said in (
+        ("floor.png", (), True),
+        ("floor.png", ("--resolution", "2"), False),
+        ("floor.txt", (), False),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["run", "smoke", "-s", "nearest", "--dry-run", "--map", str(tmp_path / name), *options])
+        out = capsys.readouterr().out
+        assert ended.value.code in (None, 0)
+        assert (assumed in out) == said
+
+
 def test_a_map_of_a_scenario_file_is_told_too(tmp_path, capsys):
     (tmp_path / "own.TOML").write_text('map = ["####", "#S.#", "#..#", "####"]\n')
     with pytest.raises(SystemExit):

@@ -7,7 +7,7 @@ Every reader gives a `Raster` of free, occupied and unknown pixels; `raster.cell
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from explore_bench.errors import RequestError, one_line
@@ -189,7 +189,13 @@ def _raster(path: Path, cell_size: float, resolution: float | None) -> Raster:
         if suffix not in _READERS:
             known = ", ".join((*_ROS, *_READERS))
             raise ValueError(f"it is neither a file in {known} nor one of the gallery ({', '.join(gallery())})")
-        return _READERS[suffix](path, cell_size if resolution is None else resolution)
+        raster = _READERS[suffix](path, cell_size if resolution is None else resolution)
+        if resolution is not None or suffix == ".txt":
+            return raster
+        assumed = (
+            f"nothing says how wide a pixel is, and {cell_size:g} m is taken; else add --resolution METRES"
+        )
+        return replace(raster, notes=(assumed, *raster.notes))
     except OSError as error:
         other = error.filename is not None and Path(error.filename) != path
         where = f" '{one_line(str(error.filename), 200)}'" if other else ""
