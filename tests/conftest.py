@@ -1,6 +1,7 @@
 """What all tests share: property tests have no deadline, for a kernel may be compiled at its first call."""
 
 import dataclasses
+import os
 import shutil
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +18,19 @@ from explore_bench.trial.spec import TrialSpec
 
 settings.register_profile("explore-bench", deadline=None)
 settings.load_profile("explore-bench")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem):
+    """Leave pytest's note of the test's name out of the environment while the test runs.
+
+    A worker process is kept only for those who have the environment that it was started in.
+    """
+    name = os.environ.pop("PYTEST_CURRENT_TEST")
+    try:
+        return (yield)
+    finally:
+        os.environ["PYTEST_CURRENT_TEST"] = name
 
 
 class Stored(NamedTuple):

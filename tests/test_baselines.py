@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from handmade import TINY
+from hasty import Hasty
 from hypothesis import given, strategies as st
 
 import baselines.entropy
@@ -92,9 +93,10 @@ def test_every_strategy_explores_and_does_so_twice_alike(name):
 
 @pytest.mark.parametrize("name", READY)
 def test_nothing_is_kept_from_one_trial_to_the_next(name, observation):
-    """One object that plays two trials chooses in the second as a fresh one does."""
+    """One object that plays two trials chooses in the second as a fresh one does; a reference plans in a hurry."""
     world = draw_world(PAPER, spec_of(name, PAPER, 0, purpose="calibrate").generator("world"))
-    used, fresh = make(name), make(name)
+    entry = READY[name]
+    used, fresh = (Hasty(**entry.parameters) if entry.reference else make(name) for _ in range(2))
 
     def reset(made, seed):
         rng = np.random.default_rng(seed)

@@ -28,8 +28,8 @@ from explore_bench.trial.spec import Status
 
 TOURS = (*ORDINARY, *SITUATIONS)
 
-WORKERS = 2
-"""Processes of the runner; a start costs more than a trial."""
+WORKERS = 1
+"""Processes of the runner: a start costs more than all trials."""
 
 GRACE = 30.0
 """Seconds beyond its limit after which a process that cannot be interrupted is killed."""

@@ -31,9 +31,17 @@ def _parts(value: Any, name: str) -> Iterator[tuple[str, bytes]]:
             yield from _parts(getattr(value, part), f"{name}.{part}".lstrip("."))
         return
     digest = hashlib.blake2b(digest_size=16)
-    for item in value if isinstance(value, tuple) else (value,):
-        if isinstance(item, np.ndarray):
-            digest.update(f"{item.dtype}{item.shape}".encode() + item.tobytes())
-        else:
-            digest.update(repr(item).encode())
+    _feed(digest, value)
     yield name, digest.digest()
+
+
+def _feed(digest: hashlib.blake2b, value: Any) -> None:
+    """Feed a value to a digest: arrays by their bytes, tuples item by item, anything else as it is shown."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+    elif isinstance(value, tuple):
+        digest.update(f"{len(value)}".encode())
+        for item in value:
+            _feed(digest, item)
+    else:
+        digest.update(repr(value).encode())

@@ -84,3 +84,13 @@ def test_a_changed_path_a_shape_and_a_type_count(observation):
         {"step": observation.step + 1},
     ):
         assert changed_part(before, dataclasses.replace(observation, **changes)) == next(iter(changes))
+
+
+def test_a_change_of_the_last_digit_inside_a_link_counts():
+    """A tuple of named fields may hold arrays: they count by their bytes, not as they are printed."""
+    seen = observations(LIDAR)[-1]
+    before, links = digests(seen), seen.belief.graph.links
+    covariance = np.nextafter(links[-1].covariance, np.inf)
+    graph = dataclasses.replace(seen.belief.graph, links=(*links[:-1], links[-1]._replace(covariance=covariance)))
+    changed = dataclasses.replace(seen, belief=dataclasses.replace(seen.belief, graph=graph))
+    assert changed_part(before, changed) == "belief.graph.links"
