@@ -1,4 +1,8 @@
-"""What all tests share: property tests have no deadline, for a kernel may be compiled at its first call."""
+"""What all tests share: property tests have no deadline, for a kernel may be compiled at its first call.
+
+What takes long is done once: kernels are compiled by several processes of pytest-xdist in another order each, and
+worker processes of shipped strategies serve the tests that follow, too.
+"""
 
 import dataclasses
 import os
@@ -12,12 +16,23 @@ from hypothesis import settings
 from required_packages import pytest_make_collect_report, pytest_runtest_makereport  # noqa: F401  (hooks)
 
 from explore_bench.records.store import Store
+from explore_bench.runs.workers.task import warm_up
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import TrialSpec
+from explore_bench.world.kinds import KINDS
+from explore_bench.world.scenario import Scenario
 
 settings.register_profile("explore-bench", deadline=None)
 settings.load_profile("explore-bench")
+
+
+def pytest_sessionstart(session):
+    """Begin with the kernels of one kind of world in each of several processes, lest all compile the same at once."""
+    number = getattr(session.config, "workerinput", {}).get("workerid", "").removeprefix("gw")
+    if number:
+        kind = list(KINDS)[int(number) % len(KINDS)]
+        warm_up(Scenario(kind=kind).tiny)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -86,6 +101,12 @@ def trained(monkeypatch, tmp_path):
         return weights
 
     return draw
+
+
+@pytest.fixture
+def without_training_figures(monkeypatch):
+    """Leave out of reports what is the same in each and takes two thirds of its time: tests/report has it."""
+    monkeypatch.setattr("explore_bench.report.render.write_training_figures", lambda folder: [])
 
 
 @pytest.fixture

@@ -59,6 +59,7 @@ def on_another_machine(record, rng):
     return dataclasses.replace(record, steps=steps)
 
 
+@pytest.mark.usefixtures("without_training_figures")
 def test_another_machine_writes_the_same_bytes(own_store, monkeypatch):
     first = {file: file.read_bytes() for file in write_report(own_store.folder).files}
     records, stale = own_store.records()

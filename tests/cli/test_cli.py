@@ -27,6 +27,8 @@ from explore_bench.runs import runner
 from explore_bench.strategies import registry
 from explore_bench.strategies.registry import strategies
 
+pytestmark = pytest.mark.usefixtures("without_training_figures")
+
 HEAVY = ("torch", "safetensors", "gtsam", "pandas", "scipy", "numba", "pyarrow", "matplotlib", "joblib", "dask")
 
 
@@ -41,12 +43,6 @@ def call(capsys):
         return ended.value.code, captured.out, captured.err
 
     return run
-
-
-@pytest.fixture(autouse=True)
-def _without_training_figures(monkeypatch):
-    """Leave out of reports what is the same in each and takes two thirds of its time: tests/report has it."""
-    monkeypatch.setattr("explore_bench.report.render.write_training_figures", lambda folder: [])
 
 
 @pytest.fixture

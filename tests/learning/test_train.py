@@ -1,4 +1,7 @@
-"""`explore-bench train`: what it writes, that it goes on where it stopped, and what it says of whatever goes wrong."""
+"""`explore-bench train`: what it writes, that it goes on where it stopped, and what it says of whatever goes wrong.
+
+That it learns is asked of the training of docs/learning.md, a slow test of its page.
+"""
 
 import dataclasses
 import errno
@@ -759,18 +762,3 @@ def test_a_training_that_diverges_at_once_says_that_there_are_no_weights(refused
     monkeypatch.setattr(ReturnsLearner, "improve", diverging)
     assert "diverged at episode 0 (the loss is inf); there are no weights yet" in refused("graph-stnn")
     assert {path.suffix for path in tmp_path.iterdir()} == {".last"}
-
-
-@pytest.mark.slow
-def test_300_episodes_show_learning(tmp_path, monkeypatch):
-    """On maps of 20 m, against the network as it begins; the best rule on Eq. 4 without learning has −1.07.
-
-    The last digits of a machine's arithmetic make another training of it: −1.05 was seen on one, less on another.
-    """
-    monkeypatch.undo()
-    run = training.Training("graph-stnn", STRATEGIES["graph-stnn"], 0, tmp_path / "before")
-    run.validate()
-    train(tmp_path / "after", episodes=300)
-    (before,), (after,) = run.log.validations, log_of(tmp_path / "after")["validations"]
-    assert after[1] < before[1] - 0.2
-    assert after[1] < -0.7

@@ -407,6 +407,7 @@ def test_the_legend_of_an_example_names_what_figure_6_shows(store, drawn):
 # Bytes
 
 
+@pytest.mark.usefixtures("without_training_figures")
 def test_figures_drawn_again_by_a_report_have_the_same_bytes(store, written):
     report = write_report(store.folder)
     assert (report.trials, report.stale) == (len(NAMES) * TRIALS, 0)

@@ -41,12 +41,12 @@ def honest(tmp_path_factory):
 
 def judge(case, tmp_path, honest, monkeypatch, workers):
     _, ending = case
-    monkeypatch.setattr(process, "GRACE", 1.0)
-    monkeypatch.setattr(runner, "CHECK_SECONDS", 1.0)
+    monkeypatch.setattr(process, "GRACE", 0.5)
+    monkeypatch.setattr(runner, "CHECK_SECONDS", 0.5)
     head, lines = KINDS[case]
     plugin = write_plugin(tmp_path, lines, head=head)
     specs = tiny_plan([plugin, *RIVALS], trials=2)
-    limit = 2.0 if ending == "transient" else 60.0  # those that do not wait for it have all the time they need
+    limit = 1.0 if ending == "transient" else 60.0  # those that do not wait for it have all the time they need
     table, shards, again = rows_of(specs, tmp_path / "results", workers, timeout=limit, memory=2.0)
     assert len(table) == len(specs), "every trial has a row"
     assert {key: shards[key] for key in honest} == honest

@@ -134,6 +134,7 @@ def folder(tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.usefixtures("without_training_figures")
 def test_no_table_counts_it_and_the_report_and_the_comparison_say_so(folder):
     whole, broken = folder("whole", ()), folder("broken", {("nearest", 1)})
     write_report(broken)
