@@ -10,7 +10,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from numba.core.caching import _CacheLocator
 
+from explore_bench.compiled import cache_folder
 from explore_bench.files import parse_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -42,6 +44,18 @@ def test_the_pythons_that_are_named_are_those_that_are_allowed():
     assert PROJECT["requires-python"] == f">={named[0]}"
 
 
+def take_compiled(installed, folder):
+    """Copy what is compiled of the checkout to where it is looked for beside an installed copy: minutes of compiling.
+
+    numba names it by the folder of the source and takes it where the source has the same digest.
+    """
+    name_of = _CacheLocator.get_suitable_cache_subpath
+    for place in {file.parent for name in ("explore_bench", "baselines") for file in (ROOT / name).rglob("*.py")}:
+        compiled = cache_folder() / name_of(str(place / "module.py"))
+        if compiled.is_dir():
+            shutil.copytree(compiled, folder / name_of(str(installed / place.relative_to(ROOT) / "module.py")))
+
+
 @pytest.mark.slow
 def test_a_wheel_holds_all_weights_and_maps_and_runs_outside_of_the_checkout(tmp_path):
     source = tmp_path / "source"
@@ -68,7 +82,8 @@ def test_a_wheel_holds_all_weights_and_maps_and_runs_outside_of_the_checkout(tmp
     assert sum(name.endswith(".safetensors") for name in held) > 50
     call(*pip, "install", "--no-deps", "--no-index", "--target", "installed", wheel)
     shutil.rmtree(source)
-    own = {"PYTHONPATH": str(tmp_path / "installed")}
+    take_compiled(tmp_path / "installed", tmp_path / "compiled")
+    own = {"PYTHONPATH": str(tmp_path / "installed"), "NUMBA_CACHE_DIR": str(tmp_path / "compiled")}
     where = "import explore_bench, baselines; print(explore_bench.__file__, baselines.__file__)"
     assert call(sys.executable, "-P", "-c", where, **own).count(f"{tmp_path}/installed/") == 2
     run = [sys.executable, "-P", "-m", "explore_bench"]
