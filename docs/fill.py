@@ -37,6 +37,7 @@ from explore_bench.analysis.ranking import Standing, duels, standings
 from explore_bench.analysis.statistics import Estimate
 from explore_bench.analysis.tables import PAPER_SCENARIO, seed_means
 from explore_bench.report.answer import headline, how_sure, price_of, training_column, training_minutes
+from explore_bench.report.pages.field import TIMES
 from explore_bench.report.ranking import Column, ranking_columns, ranking_svg
 from explore_bench.report.tables import heading, interval_text, p_text, signed_text
 from explore_bench.runs.perf import read_json, text
@@ -639,6 +640,10 @@ def field_words(results: Path) -> str:
         return _answer(trials, competitors)
     place, label = competitors.index(best) + 1, STRATEGIES[best].label
     text = f"Of the rules of others, {label} (`{best}`) does best, place {place} of {len(competitors)}."
+    table = pd.read_csv(results / "tables" / "field.csv", dtype=str)
+    last = table[table["Method"] == label].iloc[-1]
+    if last[TIMES[0]] != "–":
+        text += f" A decision of it takes {last[TIMES[0]]} ms at {last['size [m]']} m, the median."
     beside = [
         f"than {STRATEGIES[control].label} it is shown to be better in {helped or 'none'} of {count} comparisons and "
         f"worse in {harmed or 'none'}"

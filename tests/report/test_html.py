@@ -445,8 +445,13 @@ def test_the_commit_is_read_from_the_checkout_where_there_is_one(tmp_path, files
 
 
 def test_a_report_writes_the_page_and_every_file_twice_the_same(own_store):
+    tables = own_store.folder / "tables"
+    tables.mkdir()
+    for earlier in ("claims.md", "field.tex"):
+        (tables / earlier).write_text("of other trials")
     first = {file: file.read_bytes() for file in write_report(own_store.folder).files}
-    assert {file.name for file in first} >= {"report.html", "summary.csv", "claims.json", "means.md"}
+    assert {file.name for file in first} >= {"report.html", "summary.csv", "paired.csv", "means.md"}
+    assert set(tables.iterdir()) == {file for file in first if file.parent == tables}, "others are of an earlier report"
     assert first == {file: file.read_bytes() for file in write_report(own_store.folder).files}
     assert str(own_store.folder).encode() not in first[own_store.folder / "report.html"]
 

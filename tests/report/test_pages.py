@@ -10,7 +10,7 @@ NAMES = [module.name for module in pkgutil.iter_modules(pages.__path__)]
 
 
 def test_there_is_a_module_a_page():
-    assert NAMES == ["claims", "gate", "maps", "sensitivity", "training", "two_folders"]
+    assert NAMES == ["claims", "field", "gate", "maps", "sensitivity", "training", "two_folders"]
 
 
 def test_each_page_can_be_imported_first():
