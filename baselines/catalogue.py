@@ -288,6 +288,7 @@ TUNED: dict[str, dict[str, float]] = {
     "makarenko": {"navigation": 1.5},
     "distance-advantage": {"distance": 3.0},
     "potential-field": {"revisit": 1.0},
+    "joint-entropy": {"weight": 0.25},
 }
 """Constants by rule for which docs/studies/field_tuning.py finds another value than the published one to be best."""
 

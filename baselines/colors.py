@@ -70,7 +70,6 @@ COLORS = {
     "cost-utility-tuned": "#88ee00",
     "makarenko-tuned": "#00ff00",
     "distance-advantage-tuned": "#441155",
-    "entropy-reduction-tuned": "#88eedd",
     "potential-field-tuned": "#113333",
     "joint-entropy-tuned": "#ffbb99",
 }
