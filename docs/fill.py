@@ -632,7 +632,7 @@ def field_rules() -> str:
 
 
 def field_words(results: Path) -> str:
-    """Who explores best among the rules of others and those beside them, and the best rule with what its terms do."""
+    """Who explores best, and which rule of others does, with what its constants and its terms do."""
     trials = _trials(results)
     competitors = _competitors(_standings(trials))
     best = next((name for name in competitors if STRATEGIES[name].factory.startswith("baselines.field.")), None)
@@ -644,13 +644,15 @@ def field_words(results: Path) -> str:
     last = table[table["Method"] == label].iloc[-1]
     if last[TIMES[0]] != "–":
         text += f" A decision of it takes {last[TIMES[0]]} ms at {last['size [m]']} m, the median."
+    effects = _effects(results)
     beside = [
-        f"than {STRATEGIES[control].label} it is shown to be better in {helped or 'none'} of {count} comparisons and "
-        f"worse in {harmed or 'none'}"
-        for (rule, control), (helped, harmed, count) in _effects(results).items()
-        if rule == best
+        f" {STRATEGIES[rule].label} is shown to be better than {STRATEGIES[control].label} in {helped or 'none'} of "
+        f"{count} comparisons and worse in {harmed or 'none'}."
+        for one in dict.fromkeys((best, best.removesuffix("-tuned")))
+        for (rule, control), (helped, harmed, count) in effects.items()
+        if rule == one
     ]
-    return f"{_answer(trials, competitors)}\n\n{text}" + (f" What its terms do: {'; '.join(beside)}." if beside else "")
+    return f"{_answer(trials, competitors)}\n\n{text}{''.join(beside)}"
 
 
 def field_table(results: Path, **where: str) -> str:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -57,9 +58,23 @@ def test_the_best_rule_of_others_is_named_with_its_place_and_what_its_terms_do(f
         "Of the rules of others, Heading-aware gain (`heading-aware`) does best, place 2 of 4. A decision of it takes "
         "0.12 ms at 20 m" in text
     )
-    assert (
-        "than Heading-aware gain, no distance it is shown to be better in 2 of 2 comparisons and worse in none." in text
+    assert text.endswith(
+        "Heading-aware gain is shown to be better than Heading-aware gain, no distance in 2 of 2 comparisons and "
+        "worse in none."
     )
+
+
+def test_of_a_tuned_rule_both_are_told_what_the_tuning_and_what_the_terms_do(fill, results):
+    errors = {"information_gain_tuned": 0.4, "information_gain": 0.5, "visible_unknown": 0.4001, "nearest": 1.0}
+    text = fill.field_words(results(**errors))
+    said = text.partition("the median. ")[2]
+    assert re.findall(
+        r"(\w[^.]*?) is shown to be better than (.+?) in (\w+) of 2 comparisons and worse in (\w+)\.", said
+    ) == [
+        ("Information gain, tuned", "Information gain", "2", "none"),
+        ("Information gain", "Visible unknown", "none", "2"),
+        ("Information gain", "Nearest", "2", "none"),
+    ]
 
 
 def test_without_a_rule_of_others_there_is_the_answer_alone(fill, results):

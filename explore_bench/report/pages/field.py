@@ -15,6 +15,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 from explore_bench.analysis.claims import CONTRADICTED, SUPPORTED, Claim, Finding, metric_of
 from explore_bench.analysis.metrics import REGRETS, all_metrics
@@ -269,6 +270,8 @@ def terms_figure(found: Mapping[Claim, list[Finding]]) -> Figure:
         where = scenario if several else f"{size:g} m"
         axes.set(title=f"{all_metrics()[metric].symbol}, {where}", xscale="log")
         plain_log(axes.xaxis)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+        axes.xaxis.set_tick_params(labelsize=7)
     grid[0, 0].set_yticks(range(len(cells)), [_beside(rule, control) for rule, control in cells])
     grid[0, 0].set_ylim(len(cells) - 0.5, -0.5)
     figure.supxlabel("times as good as its control: right of 1 the term helps", fontsize=9)
