@@ -13,7 +13,7 @@ from handmade_lidar import lidar_record
 from lidar_worlds import SMALL, drawn
 
 from explore_bench.analysis.csv_files import read_csv
-from explore_bench.analysis.metrics import METRICS
+from explore_bench.analysis.metrics import CURVES, METRICS, curve
 from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import (
     SUMMARY_COLUMNS,
@@ -21,6 +21,7 @@ from explore_bench.analysis.tables import (
     WORLD_COLUMNS,
     by_world,
     of_paper,
+    read_trials,
     select,
     summary_table,
     trial_table,
@@ -107,6 +108,17 @@ def test_a_row_says_what_was_run_where_and_how_it_ended(stored):
         assert row["decisions"] == len(result.decision_seconds)
         for name, metric in METRICS.items():
             assert row[name] == pytest.approx(metric.value(found), nan_ok=True), name
+
+
+def test_the_table_of_a_folder_is_that_of_its_records_and_comes_with_these_in_brief(stored):
+    table, briefs, stale = read_trials(stored.store)
+    records, _ = stored.store.records()
+    pd.testing.assert_frame_equal(table, trial_table(records))
+    assert [brief.spec for brief in briefs] == [record.spec for record in records]
+    assert stale == 0
+    for name in CURVES:
+        for brief, whole in zip(briefs, records, strict=True):
+            np.testing.assert_array_equal(curve(brief, name, 60), curve(whole, name, 60))
 
 
 def test_all_strategies_have_the_same_worlds(stored):

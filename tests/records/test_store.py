@@ -1,9 +1,11 @@
 """The store: exact round trips, atomic writes, refusals, and stale shards."""
 
 import dataclasses
+import gc
 import json
 import os
 import shutil
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -518,6 +520,41 @@ def test_a_damaged_shard_is_moved_aside_named_and_not_stored(stored, own_store, 
     assert own_store.records()[1] == 0, "what lies aside is no record"
     own_store.write(stored.results[0])
     assert len(own_store.records()[0]) == len(stored.specs)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95])
+def test_a_damaged_shard_is_found_whatever_of_it_is_asked_for(stored, own_store, share):
+    """Columns are decoded when they are asked for; the digest is of all bytes."""
+    path = own_store.path(trial_key(stored.specs[0]))
+    content = bytearray(path.read_bytes())
+    content[int(share * len(content))] ^= 1
+    path.write_bytes(content)
+    specs, stale = own_store.records(lambda record: record.spec)
+    assert specs == sorted(stored.specs[1:], key=lambda spec: (spec.strategy, spec.trial))
+    assert (stale, own_store.damaged) == (0, [own_store.runs / "damaged" / path.name])
+
+
+def test_one_whole_trial_is_in_memory_at_a_time(stored):
+    """Nor has a column been decoded that nobody asked for."""
+    alive, most = weakref.WeakSet(), []
+
+    def keep(record):
+        gc.collect()
+        alive.add(record)
+        most.append(len(alive))
+        return record.brief()
+
+    before = pa.total_allocated_bytes()
+    briefs, _ = stored.store.records(keep)
+    assert max(most) <= 2, "this one and the one before"
+    rows = sum(len(brief.steps["step"]) for brief in briefs)
+    columns = sum(len(brief.steps) for brief in briefs)
+    gc.collect()
+    assert pa.total_allocated_bytes() - before <= rows * (4 + 3 * 8) + 128 * columns
+    assert {*briefs[0].steps} == {"step", "uncertainty", "peak_trace", "explored"}
+    for brief in briefs:
+        whole = stored.store.find(brief.spec)
+        assert all(np.array_equal(values, whole.steps[name]) for name, values in brief.steps.items())
 
 
 def test_a_record_that_cannot_be_read_now_is_not_taken_for_a_damaged_one(monkeypatch, stored, own_store):

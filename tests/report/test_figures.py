@@ -1,6 +1,7 @@
 """Figures of real trials: which are drawn, what their lines show, and bytes that do not change."""
 
 import dataclasses
+import io
 import itertools
 import re
 from types import SimpleNamespace
@@ -19,12 +20,13 @@ from explore_bench.analysis.tables import trial_table
 from explore_bench.records.store import Store
 from explore_bench.report import drawing, figures
 from explore_bench.report.aggregates import write_survival_figures
-from explore_bench.report.drawing import entry_of, save, styled
+from explore_bench.report.drawing import entry_of, save, save_all, styled
 from explore_bench.report.figures import CURVE_FIGURES, write_figures
 from explore_bench.report.moment import Scene
 from explore_bench.report.render import write_report
 from explore_bench.report.scene import draw_scene
 from explore_bench.report.scene_colors import FREE, OCCUPIED, UNKNOWN
+from explore_bench.report.vector import width_of
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import strategies
 from explore_bench.trial.run import run_trial
@@ -117,6 +119,7 @@ def test_the_words_of_all_strategies_have_room(store, records, monkeypatch, name
     of_all = [with_spec(record, strategy=strategy) for strategy in every for record in own]
     replay = store.replay(own[0].spec)
     monkeypatch.setattr(store, "replay", lambda spec: replay)
+    monkeypatch.setattr(store, "find", lambda spec: with_spec(own[spec.trial], strategy=spec.strategy))
     looked = []
 
     def look(figure, path):
@@ -476,3 +479,24 @@ def test_a_logarithmic_axis_has_two_plain_numbers_at_least(low, high):
     plt.close(figure)
     assert len(shown) > 1
     assert all(low <= number <= high for number in shown)
+
+
+# Files
+
+
+@pytest.mark.parametrize("layout", ["constrained", "none"])
+def test_both_files_of_a_figure_show_it_laid_out_as_it_was_made(tmp_path, layout):
+    """What matplotlib's own way of saving it draws, once it is laid out."""
+    with styled():
+        figure, axes = plt.subplots(figsize=(3.0, 2.0), layout=layout)
+        axes.plot([0.0, 1.0], [0.0, 1000.0])
+        axes.set(title="A title", ylabel="as wide\nas two lines")
+        figure.canvas.draw()
+        place = axes.get_position().bounds
+        save_all(figure, tmp_path / "figure")
+        assert axes.get_position().bounds == pytest.approx(place, abs=0.01)
+        figure.set_layout_engine("none")
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="png", metadata={"Software": None})
+    assert (tmp_path / "figure.png").read_bytes() == drawn.getvalue()
+    assert width_of((tmp_path / "figure.svg").read_text(encoding="utf-8")) == 216.0

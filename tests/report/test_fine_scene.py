@@ -197,6 +197,7 @@ def test_figure_16_shows_graph_stnn_where_it_ran_then_another_of_its_suite_and_e
     titles = []
     monkeypatch.setattr("explore_bench.report.figures.save_all", lambda figure, stem: titles.append(figure) or [])
     monkeypatch.setattr(store, "replay", lambda spec: replay)
+    monkeypatch.setattr(store, "find", lambda spec: dataclasses.replace(record, spec=spec))
 
     def shown(*strategies):
         titles.clear()
