@@ -468,16 +468,20 @@ SCOPES = (Scope(), Scope(), Scope(size=20.0), Scope(size=20.0))
 
 
 class Relay:
-    """A store that finds the replay of a trial under whatever name its strategy goes."""
+    """A store that finds a trial under whatever name its strategy goes."""
 
     def __init__(self, content):
-        self.replays = {(r.spec.strategy, r.spec.trial): r.spec for r in content.records}
+        self.specs = {(r.spec.strategy, r.spec.trial): r.spec for r in content.records}
         self.store = content.store
 
+    def stored(self, spec):
+        return self.specs.get((spec.strategy, spec.trial)) or self.specs["clairvoyant", spec.trial]
+
+    def find(self, spec):
+        return self.store.find(self.stored(spec))
+
     def replay(self, spec):
-        return self.store.replay(
-            self.replays.get((spec.strategy, spec.trial)) or self.replays["clairvoyant", spec.trial]
-        )
+        return self.store.replay(self.stored(spec))
 
 
 def render_bare(records):
