@@ -111,7 +111,8 @@ def _examples(store: Store, groups: Groups) -> Figure | None:
         return None
     columns = min(3 if len(shown) <= 6 else 4, len(shown))
     rows = math.ceil(len(shown) / columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(3.4 * columns, 3.6 * rows + 0.7), squeeze=False)
+    size = (3.4 * columns, 3.6 * rows + 0.95)
+    figure, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="compressed")  # squares
     for axes, (name, record) in zip(grid.flat, shown.items(), strict=False):
         replay = store.replay(record.spec)
         scene = scene_of(store.find(record.spec), replay, max(len(replay.steps) - 2, 0))
@@ -227,7 +228,7 @@ def _differences(groups: Groups, values: Curves, whole: str) -> Figure | None:
         return None
     length = _length(groups)
     step = np.arange(length)
-    width, height = 1.0 + 1.9 * len(others), 5.8
+    width, height = max(1.0 + 1.9 * len(others), 6.4), 5.8  # the title is as wide as that
     figure, grid = plt.subplots(
         *(len(CURVES), len(others)), figsize=(width, height), sharex=True, sharey="row", squeeze=False, layout="none"
     )

@@ -14,6 +14,7 @@ from handmade import TINY, record, with_spec, write_plugin
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from PIL import Image
 
 from explore_bench.analysis.metrics import CURVES, curve
 from explore_bench.analysis.tables import trial_table
@@ -342,6 +343,18 @@ def variants(results, monkeypatch, tmp_path):
     return kept(
         tmp_path / "results", [dataclasses.replace(of[took[spec.strategy], spec.trial], spec=spec) for spec in specs]
     )
+
+
+def test_no_figure_is_cut_off_at_an_edge(written, variants):
+    """No dark pixel lies at the edge of a picture: no row of examples, no figure that is narrower than its title."""
+    more = write_figures(variants, variants.records()[0], variants.folder / "figures")
+    pictures = [file for file in (*written, *more) if file.suffix == ".png"]
+    assert {"figure-10a", "figure-13a", "figure-13c"} <= {file.stem for file in pictures}
+    for file in pictures:
+        with Image.open(file) as picture:
+            pixels = np.array(picture.convert("L"))
+        edges = (pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1])
+        assert min(edge.min() for edge in edges) > 160, file.stem
 
 
 def test_a_variant_is_drawn_as_its_difference_to_the_whole_network_paired_by_world(variants, drawn):

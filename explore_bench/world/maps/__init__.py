@@ -192,9 +192,7 @@ def _raster(path: Path, cell_size: float, resolution: float | None) -> Raster:
         raster = _READERS[suffix](path, cell_size if resolution is None else resolution)
         if resolution is not None or suffix == ".txt":
             return raster
-        assumed = (
-            f"nothing says how wide a pixel is, and {cell_size:g} m is taken; else add --resolution METRES"
-        )
+        assumed = f"nothing says how wide a pixel is, and {cell_size:g} m is taken; else add --resolution METRES"
         return replace(raster, notes=(assumed, *raster.notes))
     except OSError as error:
         other = error.filename is not None and Path(error.filename) != path
