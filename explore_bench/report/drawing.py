@@ -15,6 +15,7 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -81,7 +82,7 @@ class _RoundNumbers(LogLocator):
         super().__init__(subs=(1, 2, 5))
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        ticks = super().tick_values(vmin, vmax)
+        ticks = np.asarray(super().tick_values(vmin, vmax))
         return ticks if ((vmin <= ticks) & (ticks <= vmax)).sum() > 1 else AutoLocator().tick_values(vmin, vmax)
 
 
