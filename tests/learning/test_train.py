@@ -1,6 +1,6 @@
 """`explore-bench train`: what it writes, that it goes on where it stopped, and what it says of whatever goes wrong.
 
-That it learns is asked of the training of docs/learning.md, a slow test of its page.
+That it learns is asked of the training of docs/learning.md, in left_by_pages.py.
 """
 
 import dataclasses

@@ -5,8 +5,7 @@ Shell commands stand in blocks tagged `console`, each on a line that begins with
 comment with a file's name is written to that file. The blocks of a page run in order in one folder that holds copies
 of `examples/` and `results/reference/`, and the environment as `.venv`. Of the quick blocks `explore-bench` is called
 in this process, which has imported and compiled everything; once in a while, with the slow tests, every block is run by
-a shell, as a reader would. What is to be true of the files that some of them leave is asked there, too: a measurement
-and a training take too long to be made twice.
+a shell, as a reader would. What is to be true of the files that some of them leave is in left_by_pages.py.
 """
 
 import contextlib
@@ -14,7 +13,6 @@ import os
 import re
 import shlex
 import shutil
-import statistics
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -22,9 +20,9 @@ from pathlib import Path
 
 import click
 import pytest
+from left_by_pages import LEFT
 
 from explore_bench.cli import cli, main
-from explore_bench.runs.perf import read_json
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "submissions" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -136,37 +134,6 @@ def test_all_commands_of_a_page_do_what_it_says(page, tmp_path):
     for block in blocks(page.read_text(encoding="utf-8")):
         carry_out(block, tmp_path, in_a_shell)
     LEFT.get(page.relative_to(ROOT).as_posix(), lambda folder: None)(tmp_path)
-
-
-def costs_are_no_blunder(folder):
-    """The goals at 20 m are 4 and 4; a busy machine and the mix of steps swing both."""
-    numbers = read_json(folder / "perf.json")
-    assert numbers.step_to_isam2_ratio["20"] < 8.0
-    assert numbers.step_growth_1000_over_100["20"] < 20.0
-    assert all(times.times_real_time > 1.0 for times in numbers.scenes)
-    assert statistics.median(by_size["20"] for by_size in numbers.decision_ms.values()) > 0.0
-
-
-def it_has_learned(folder):
-    """On maps of 20 m, against the network as it begins; the best rule on Eq. 4 without learning has −1.07.
-
-    The last digits of a machine's arithmetic make another training of it: −1.05 was seen on one, less on another.
-    """
-    from baselines import STRATEGIES
-    from baselines.learned.checkpoint import load_state
-    from baselines.training.train import Training
-
-    beginner = Training("graph-stnn", STRATEGIES["graph-stnn"], 0, folder / "before")
-    beginner.validate()
-    [before] = beginner.log.validations
-    [after] = load_state(folder / "results" / "training" / "graph-stnn-0.last")[1]["log"]["validations"]
-    assert after[0] == 300
-    assert after[1] < before[1] - 0.2
-    assert after[1] < -0.7
-
-
-LEFT = {"docs/performance.md": costs_are_no_blunder, "docs/learning.md": it_has_learned}
-"""What is to be true of the files that a page's commands leave, by the page."""
 
 
 def test_the_pages_whose_files_are_looked_at_have_commands():

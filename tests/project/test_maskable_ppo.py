@@ -1,4 +1,7 @@
-"""The example that trains MaskablePPO: it learns to beat chance, and its policy enters the benchmark as a plugin."""
+"""The example that trains MaskablePPO: what its plugin chooses.
+
+That it learns to beat chance and enters the benchmark is asked of the training of docs/gymnasium.md (left_by_pages.py).
+"""
 
 import importlib
 import sys
@@ -6,26 +9,18 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
-from handmade import record
 from safetensors.numpy import load_file, save_file
 
-from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.statistics import paired_difference
-from explore_bench.cli import main
 from explore_bench.errors import RequestError
 from explore_bench.strategies.loading import load_factory
 from explore_bench.trial.decision_process import Course
 from explore_bench.trial.features import CANDIDATE_COLUMNS, STATE_COLUMNS, features
-from explore_bench.trial.run import run_trial
-from explore_bench.trial.spec import Status, TrialSpec
-from explore_bench.trial.steps import step_columns
 from explore_bench.world.scenarios import PAPER
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLUGIN = f"{EXAMPLES / 'maskable_ppo.py'}:MaskablePPO"
-DECISIONS, WORLDS = 12_288, 30
+DECISIONS = 512
 INPUTS = 14 * len(CANDIDATE_COLUMNS) + len(STATE_COLUMNS)
 
 
@@ -41,31 +36,11 @@ def example():
 
 @pytest.fixture(scope="module")
 def trained(example, tmp_path_factory):
-    """Train with a fixed seed and budget; return the model and the file of its policy."""
-    model = example.train(DECISIONS, seed=0, verbose=0)
+    """Train a little with a fixed seed; return the model and the file of its policy."""
+    model = example.train(DECISIONS, seed=3, verbose=0)
     path = tmp_path_factory.mktemp("policy") / "maskable_ppo.safetensors"
     example.export(model, path)
     return SimpleNamespace(model=model, path=path)
-
-
-def efficiencies(factory, weights=None):
-    """η of a strategy in each validation world."""
-    found = {}
-    for trial in range(WORLDS):
-        result = run_trial(TrialSpec("any", factory, PAPER, trial, purpose="validate", weights=weights))
-        assert result.status is not Status.FAILED, result.reason
-        columns = {name: [getattr(step, name) for step in result.steps] for name in step_columns("landmark")}
-        found[trial] = METRICS["exploration_efficiency"].value(record(result.status.value, PAPER, **columns))
-    return found
-
-
-@pytest.mark.slow
-def test_it_beats_chance_in_worlds_that_it_has_not_seen(trained):
-    policy = efficiencies(PLUGIN, str(trained.path))
-    difference = paired_difference(policy, efficiencies("baselines.random_walk:Random"))
-    assert difference.n == WORLDS
-    assert difference.low > 0.0, difference
-    assert np.mean(list(policy.values())) > 1.4
 
 
 @pytest.mark.slow
@@ -85,23 +60,10 @@ def test_the_plugin_chooses_as_the_model_does(trained):
 
 
 @pytest.mark.slow
-def test_it_enters_the_benchmark_beside_the_others(trained, tmp_path):
-    results = tmp_path / "results"
-    name = f'MaskablePPO[weights="{trained.path.name}"]'
-    asked = ["-s", f"{EXAMPLES / 'maskable_ppo.py'}:MaskablePPO[weights={trained.path}]", "-s", "random"]
-    with pytest.raises(SystemExit) as ended:
-        main(["run", "smoke", *asked, "--trials", "2", "--results", str(results)])
-    assert ended.value.code == 0
-    rows = pd.read_csv(results / "trials.csv")
-    assert set(rows["strategy"]) == {name, "random"}
-    assert (rows["status"] == "explored").all()
-
-
-@pytest.mark.slow
-def test_a_seed_gives_the_same_policy_again(example, tmp_path):
-    files = [tmp_path / f"{i}.safetensors" for i in range(3)]
-    for seed, file in zip((3, 3, 4), files, strict=True):
-        example.export(example.train(512, seed, verbose=0), file)
+def test_a_seed_gives_the_same_policy_again(example, trained, tmp_path):
+    files = [trained.path, tmp_path / "again.safetensors", tmp_path / "other.safetensors"]
+    for seed, file in zip((3, 4), files[1:], strict=True):
+        example.export(example.train(DECISIONS, seed, verbose=0), file)
     one, same, other = map(load_file, files)
     assert one.keys() == same.keys() == other.keys()
     assert all(np.array_equal(one[name], same[name]) for name in one)

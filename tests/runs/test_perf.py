@@ -1,6 +1,6 @@
 """The measurement of costs: its arithmetic on times made up, its keys, and one real trial.
 
-The real measurement is that of docs/performance.md, a slow test of its page.
+The real measurement is that of docs/performance.md, in left_by_pages.py.
 """
 
 import json
