@@ -228,11 +228,11 @@ def _differences(groups: Groups, values: Curves, whole: str) -> Figure | None:
         return None
     length = _length(groups)
     step = np.arange(length)
-    width, height = max(1.0 + 1.9 * len(others), 6.4), 5.8  # the title is as wide as that
+    width, height = max(1.2 + 1.9 * len(others), 6.4), 5.8  # the title is as wide as that
     figure, grid = plt.subplots(
         *(len(CURVES), len(others)), figsize=(width, height), sharex=True, sharey="row", squeeze=False, layout="none"
     )
-    figure.subplots_adjust(0.8 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.75 / height, wspace=0.08, hspace=0.22)
+    figure.subplots_adjust(1.0 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.75 / height, wspace=0.08, hspace=0.22)
     for i, (name, (title, unit)) in enumerate(CURVES.items()):
         row, ends = grid[i], []
         for axes, other in zip(row, others, strict=True):

@@ -372,6 +372,22 @@ def test_a_variant_is_drawn_as_its_difference_to_the_whole_network_paired_by_wor
         assert low == -high, "no difference is in the middle"
 
 
+def test_the_words_beside_differences_have_room_for_long_numbers(variants, monkeypatch):
+    places = []
+
+    def look(figure, path):
+        if path.name == "figure-13c.svg":
+            for axes in figure.axes:
+                axes.set_yticks([-0.025, 0.0, 0.025])
+            figure.draw_without_rendering()
+            places.extend(axes.yaxis.label.get_window_extent().x0 for axes in figure.axes if axes.get_ylabel())
+
+    monkeypatch.setattr(drawing, "save", look)
+    write_figures(variants, variants.records()[0], variants.folder / "figures")
+    assert len(places) == len(CURVES)
+    assert min(places) > 0.0
+
+
 def test_differences_are_drawn_only_beside_the_whole_network(variants, drawn):
     alone = [record for record in variants.records()[0] if record.spec.strategy == "no-state"]
     shown = drawn(variants, alone)
