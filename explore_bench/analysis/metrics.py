@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from explore_bench.analysis.going_back import going_back
 from explore_bench.analysis.rounding import significant
 from explore_bench.trial import error_and_efficiency
 from explore_bench.trial.error_and_efficiency import Score
@@ -198,6 +197,8 @@ def round_trips(record: TrialRecord) -> float:
     round trip is a run of such poses over THROUGH edges of way or more; what interrupts it for at most half a range of
     way is part of it, and to turn about ends it. Places are the true ones: the estimate jumps where loops are closed.
     """
+    from explore_bench.analysis.going_back import going_back  # compiled: what only lists metrics waits for no compiler
+
     if broken_off(record):
         return math.nan
     steps, edge, in_range = record.steps, record.spec.scenario.cell_size, record.spec.scenario.sensor_range

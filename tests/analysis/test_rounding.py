@@ -10,6 +10,7 @@ from hypothesis import given, strategies as st
 
 from explore_bench.analysis.csv_files import plain
 from explore_bench.analysis.rounding import DIGITS, ROUNDING, rounded, significant
+from explore_bench.records.provenance import trial_key
 from explore_bench.records.store import Store
 from explore_bench.report.render import write_report
 
@@ -62,10 +63,12 @@ def on_another_machine(record, rng):
 @pytest.mark.usefixtures("without_training_figures")
 def test_another_machine_writes_the_same_bytes(own_store, monkeypatch):
     first = {file: file.read_bytes() for file in write_report(own_store.folder).files}
-    records, stale = own_store.records()
-    rng = np.random.default_rng(0)
-    others = [on_another_machine(record, rng) for record in records]
-    monkeypatch.setattr(Store, "records", lambda self: (others, stale))
+    rng, survey = np.random.default_rng(0), Store.survey
+    others = {trial_key(record.spec): on_another_machine(record, rng) for _, record in own_store.survey()}
+    monkeypatch.setattr(Store, "find", lambda self, spec: others[trial_key(spec)])
+    monkeypatch.setattr(
+        Store, "survey", lambda self, mend=False: ((path, others[path.stem]) for path, _ in survey(self, mend))
+    )
     second = {file: file.read_bytes() for file in write_report(own_store.folder).files}
     assert first.keys() == second.keys()
     assert [file.name for file in first if first[file] != second[file]] == []

@@ -1,5 +1,6 @@
 """Each rule that scores candidates: worth by hand, and a choice that is not the nearest frontier's."""
 
+import functools
 import inspect
 import itertools
 import math
@@ -31,7 +32,7 @@ from baselines.field.tour import FrontierTour, length_of, open_tour
 from baselines.field.transform import ExplorationTransform
 from baselines.nearest import Nearest
 from explore_bench.errors import RequestError
-from explore_bench.runs.suites import plan
+from explore_bench.runs.suites import FAMILIES, plan
 from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import make_strategy
 from explore_bench.strategies.registry import strategies
@@ -473,11 +474,19 @@ def test_as_many_places_are_computed_as_are_asked_for_and_the_best_of_them_is_ta
 # What is asked for
 
 
+@functools.cache
+def strategies_of(suite):
+    return {spec.strategy for spec in plan(suite, trials=1).specs}
+
+
 @pytest.mark.parametrize("name", FIELD)
 def test_the_field_takes_part_in_its_own_suites_only(name):
     entry = FIELD[name]
     assert entry.tables == ()
-    assert set(entry.suites) == ({"field-stage"} if entry.kinds == ("lidar",) else {"field", "field-stage"})
+    assert len(entry.suites) == 1
+    assert set(entry.suites) < FAMILIES.keys()
+    taking_part = [name in strategies_of(suite) for suite in ("field", "field-stage", "paper")]
+    assert taking_part == [entry.kinds != ("lidar",), True, False]
 
 
 @pytest.mark.parametrize("name", [name for name, entry in FIELD.items() if entry.kinds])
