@@ -50,6 +50,21 @@ def test_the_site_keeps_the_styles_and_the_scripts_of_its_theme(site, tmp_path):
     assert {"README.md", "api.md", "docs/stage.md"} <= names
 
 
+def test_what_a_docstring_says_of_an_attribute_is_its_description_and_no_type():
+    griffe = pytest.importorskip("griffe", reason="mkdocstrings is not installed")
+    extensions = griffe.load_extensions(str(ROOT / "docs" / "docstrings.py"))
+    package = griffe.load("explore_bench", search_paths=[str(ROOT)], extensions=extensions, docstring_parser="numpy")
+    of = package["strategies.contract.Observation"]
+    [attributes] = [part.value for part in of.docstring.parsed if part.kind.value == "attributes"]
+    [positions] = [item for item in attributes if item.name == "positions"]
+    assert (str(positions.annotation), positions.description) == (
+        "Array",
+        "centres of the candidates [m], shape (C, 2).",
+    )
+    [raised] = [part.value for part in package["check"].final_target.docstring.parsed if part.kind.value == "raises"]
+    assert all(item.description for item in raised)
+
+
 @pytest.mark.parametrize("name", SUITES)
 def test_the_page_of_a_suite_has_version_observation_metrics_and_scores(site, name):
     page = site._suite(name)
