@@ -39,10 +39,8 @@ def _weights() -> dict[str, dict[int, str]]:
 _PAPER, _SHIPPED = _published(), _weights()
 _TABLE2, _TABLE3, _LAYERS, _CELLS = ("table2",), ("table3",), ("layers",), ("cells",)
 _PLANS, _FIGURE16 = ("plans",), ("figure16",)
-_WAY, _VIEW, _MAP, _ROBOT, _LEARNED, _CHANCE = (
-    *(("field-way",), ("field-view",), ("field-map",)),
-    *(("field-robot",), ("field-learned",), ("field-chance",)),
-)
+_WAY, _VIEW, _MAP = ("field-way",), ("field-view",), ("field-map",)
+_ROBOT, _LEARNED, _CHANCE = ("field-robot",), ("field-learned",), ("field-chance",)
 """Parts of the suites `field` and `field-stage`, by what a rule looks at: how far it is, what is in view there, what
 the map or the robot's certainty gains, what a network makes of all that, nothing."""
 

@@ -102,9 +102,8 @@ def _write_all(
     if trials["scenario"].nunique() == 1:
         only = str(trials["scenario"].iloc[0])
         tables, claims = ({key: table.naming(only) for key, table in made.items()} for made in (tables, claims))
-    for other in (
-        {"claims", "field", "means", *PAPER_TABLES} - tables.keys() - claims.keys()
-    ):  # of an earlier report, of other trials
+    earlier = {"claims", "field", "means", *PAPER_TABLES} - tables.keys() - claims.keys()
+    for other in earlier:  # of a report of other trials
         for suffix in SUFFIXES:
             (folder / "tables" / f"{other}{suffix}").unlink(missing_ok=True)
     files += write_tables(claims | tables, folder / "tables")
