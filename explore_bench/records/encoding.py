@@ -11,7 +11,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,9 @@ class DamagedError(RequestError):
 
 
 class Columns(Mapping[str, np.ndarray]):
-    """Columns of a shard by name, each read when it is first asked for: most of what a shard costs is their decoding.
+    """Columns of a shard by name, read when one of them is first asked for: most of what a shard costs is decoding.
+
+    All are read then, which takes less than half as long as one by one.
 
     Parameters
     ----------
@@ -56,19 +58,21 @@ class Columns(Mapping[str, np.ndarray]):
 
     def __init__(self, shard: pq.ParquetFile, names: Iterable[str]) -> None:
         self._shard = shard
-        self._read: dict[str, np.ndarray | None] = dict.fromkeys(names)
+        self._names = tuple(names)
+
+    @cached_property
+    def _read(self) -> dict[str, np.ndarray]:
+        table = self._shard.read(list(self._names), use_threads=False)
+        return {name: table[name].to_numpy() for name in self._names}
 
     def __getitem__(self, name: str) -> np.ndarray:
-        values = self._read[name]
-        if values is None:
-            values = self._read[name] = self._shard.read([name], use_threads=False)[name].to_numpy()
-        return values
+        return self._read[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._read)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._read)
+        return len(self._names)
 
 
 @dataclass(frozen=True, eq=False)
