@@ -106,7 +106,7 @@ def trained(monkeypatch, tmp_path):
 @pytest.fixture
 def without_training_figures(monkeypatch):
     """Leave out of reports what is the same in each and takes two thirds of its time: tests/report has it."""
-    monkeypatch.setattr("explore_bench.report.render.write_training_figures", lambda folder: [])
+    monkeypatch.setattr("explore_bench.report.render.write_training_figures", lambda folder, names: [])
 
 
 @pytest.fixture

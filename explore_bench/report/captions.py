@@ -36,7 +36,7 @@ def caption(name: str) -> str:
     if name == "field":
         return (
             "Rules of others beside the compared methods: the two metrics that rank, means over worlds with "
-            f"{CONFIDENCE:.0%} bootstrap intervals. A colour says what a strategy looks at, a number its place."
+            f"{CONFIDENCE:.0%} bootstrap intervals, best first. A colour says what a strategy looks at."
         )
     if name == "field-terms":
         return (

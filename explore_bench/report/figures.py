@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -59,7 +59,8 @@ def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) ->
 
     A figure is drawn where a strategy that the paper shows in it, or one that is not registered (a plugin's file, a
     strategy with parameters), has trials of its size in the paper's own scenario; strategies without trials are left
-    out of it. Figure 16 is drawn where a robot has a map finer than the grid of decisions.
+    out of it, and a network without its variants has no figure of variants. Figure 16 is drawn where a robot has a map
+    finer than the grid of decisions.
     """
     written: list[Path] = []
     papers = [record for record in records if record.spec.scenario_name == PAPER_SCENARIO]
@@ -67,6 +68,7 @@ def write_figures(store: Store, records: Sequence[TrialRecord], folder: Path) ->
         for name, (table, size) in CURVE_FIGURES.items():
             groups = _groups(papers, table, size)
             shown = any(_belongs(strategy, table, size) for strategy in groups)
+            shown &= not without_variants(table, groups)
             written += save_all(_examples(store, groups) if shown else None, folder / f"{name}a")
             length = _length(groups) if shown else 0
             values = {curve: {n: _of_worlds(own, curve, length) for n, own in groups.items()} for curve in CURVES}
@@ -216,8 +218,16 @@ def _curves(groups: Groups, values: Curves, size: float) -> Figure:
 
 def _whole(groups: Groups) -> str | None:
     """Network that the others are variants of: the one that the paper prints with its competitors, too; or none."""
-    own = {name for name in groups if {table for table, _, _ in entry_of(name).published} >= set(PRINTED)}
-    return next((name for name in groups if name in own and len(groups) > 1), None)
+    return next((name for name in groups if _is_whole(name) and len(groups) > 1), None)
+
+
+def _is_whole(name: str) -> bool:
+    return {table for table, _, _ in entry_of(name).published} >= set(PRINTED)
+
+
+def without_variants(table: str, names: Collection[str]) -> bool:
+    """Whether a table of variants would show their whole network alone, which has its place among its competitors."""
+    return table in VARIANTS and len(names) == 1 and all(map(_is_whole, names))
 
 
 def _differences(groups: Groups, values: Curves, whole: str) -> Figure | None:

@@ -109,7 +109,7 @@ def _write_all(
     files += write_tables(claims | tables, folder / "tables")
     files += write_figures(store, [record for record in records if counts(record)], folder / "figures")
     files += _write_ways(store, records, folder / "figures" / "ways")
-    files += write_training_figures(folder / "figures") if of_paper(trials) else []
+    files += write_training_figures(folder / "figures", set(trials["strategy"])) if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
     verdicts = overview(tried(found, trials)).rows

@@ -129,12 +129,26 @@ def test_in_lidar_worlds_every_scenario_has_a_row_and_its_own_metrics():
 # The figures
 
 
-def test_the_best_are_numbered_in_the_order_of_the_ranking_in_every_panel(trials):
+def test_every_strategy_has_its_line_best_first_in_a_panel_for_each_metric_and_size(trials):
     figure = field_figure(pd.concat([trials, trials.assign(size=40.0), rows("burgard", 0.1)]))
+    assert [axes.get_title() for axes in figure.axes] == ["e, 20 m", "e, 40 m", "η, 20 m", "η, 40 m"]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["◂ better"] * 2 + ["better ▸"] * 2
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    order = ["Heading-aware gain", "Heading-aware gain, no heading", "Nearest", "Heading-aware gain, no distance"]
+    assert labels == [*order, "Burgard"]  # which lacks a size
+    for axes in figure.axes:
+        metric, size = axes.get_title().split(", ")
+        drawn = {line.get_ydata()[0]: line for line in axes.lines if line.get_marker() in ("o", "s")}
+        at = [round(float(drawn[number].get_xdata()[0]), 1) for number in range(4)]
+        assert at == ([0.5, 0.5, 1.0, 2.0] if metric == "e" else [2.0, 2.0, 1.0, 0.5])
+        assert (4 in drawn) == (size == "20 m")
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert [text.strip() for text in legend[:2]] == ["1  Heading-aware gain", "2  Heading-aware gain, no heading"]
-    assert {"looks at the way there", "looks at what is in view there", "of others"} <= set(legend)
-    assert [{text.get_text() for text in axes.texts} for axes in figure.axes] == [set("12345"), set("1234")]
+    assert legend == [
+        "looks at the way there",
+        "looks at what is in view there",
+        "the paper's, and the nearest",
+        "of others",
+    ]
     plt.close(figure)
 
 

@@ -357,6 +357,13 @@ def test_no_figure_is_cut_off_at_an_edge(written, variants):
         assert min(edge.min() for edge in edges) > 160, file.stem
 
 
+def test_a_network_without_its_variants_has_no_figure_of_variants(variants, tmp_path):
+    both = variants.records()[0]
+    whole = [record for record in both if record.spec.strategy == "graph-stnn"]
+    assert {"figure-13a", "figure-13b", "figure-13c"} <= set(names_of(write_figures(variants, both, tmp_path)))
+    assert not any(name.startswith("figure-13") for name in names_of(write_figures(variants, whole, tmp_path)))
+
+
 def test_a_variant_is_drawn_as_its_difference_to_the_whole_network_paired_by_world(variants, drawn):
     panels = drawn(variants)["figure-13c"]
     records = variants.records()[0]

@@ -186,8 +186,9 @@ def test_a_row_without_a_value_takes_none_from_others():
     ],
 )
 def test_a_strategy_with_a_curve_is_in_the_figures_of_its_tables_only(ship, drawn, name, figures):
-    ship(**{name: [STRAIGHT]})
-    assert drawn().keys() == figures
+    ship(**{"graph-stnn-3-layers": [STRAIGHT], "no-spatial": [STRAIGHT], name: [STRAIGHT]})
+    label = strategies()[name].label
+    assert {stem for stem, shown in drawn().items() if label in shown.legend} == figures
 
 
 def test_a_line_per_strategy_in_its_colour_and_a_panel_per_measure(ship, drawn):
@@ -247,6 +248,18 @@ def test_each_figure_shows_the_learned_strategies_of_its_table(ship, tmp_path):
     written = write_training_figures(tmp_path / "figures")
     assert sorted(file.name for file in written) == [f"figure-{n}.{s}" for n in ("09", "12") for s in ("png", "svg")]
     assert all(file.stat().st_size > 5000 for file in written)
+
+
+def test_a_report_shows_the_training_of_what_ran_and_no_network_without_its_variants(ship, tmp_path):
+    own = curve([10_000, 20_000, 30_000], reward=[-1.0, -0.5, -0.4])
+    ship(gcn_obs=[own], graph_stnn=[own], no_state=[own])
+    for ran, drawn in (
+        ({"graph-stnn", "no-state", "nearest"}, {"figure-09", "figure-12"}),
+        ({"graph-stnn", "nearest"}, {"figure-09"}),
+        ({"nearest"}, set()),
+    ):
+        assert {file.stem for file in write_training_figures(tmp_path / "figures", ran)} == drawn
+        assert {file.stem for file in (tmp_path / "figures").glob("*")} == drawn
 
 
 def test_without_curves_nothing_is_drawn_and_what_was_is_removed(ship, tmp_path):

@@ -6,7 +6,7 @@ What a rule's controls show is a claim like any other; here are all of a folder'
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -34,9 +34,6 @@ FURTHER_METRICS = ("crossings", "round_trips")
 TIMES = ("decision, median [ms]", "99 % [ms]", "slowest [ms]")
 
 FAMILY_COLORS = dict(zip(FAMILIES, ("#1f77b4", "#2ca02c", "#9467bd", "#d62728", "#ff7f0e", "#7f7f7f"), strict=True))
-NAMED = 10
-"""Strategies that the figure names, the first of the ranking."""
-
 NOTE = (
     "Best first: by the mean, over the metrics that rank here, scenarios and sizes, of the logarithm of their means; "
     "references, which are told the true world, come last. Mean over n worlds [95 % BCa bootstrap interval], training "
@@ -158,58 +155,59 @@ def _milliseconds(value: float) -> str:
 
 
 def field_figure(trials: pd.DataFrame) -> Figure:
-    """The two metrics that rank, one against the other, a panel a scenario and size; the best have their number."""
-    ranking, places = _ranking(trials), places_of(trials)
-    along, up = ranking_metrics(trials)[:2]
-    known = all_metrics()
-    names = [own.strategy for own in ranking]
-    figure, grid = plt.subplots(1, len(places), figsize=(3.6 * len(places) + 2.6, 4.4), squeeze=False)
-    for axes, place in zip(grid[0], places, strict=True):
-        for number, own in reversed(list(enumerate(ranking, 1))):
-            _point(axes, own, place, (along, up), number)
-        axes.set(xlabel=heading(known[along]), title=_where(place, places), xscale="log", yscale="log")
-        for axis in (axes.xaxis, axes.yaxis):
-            plain_log(axis)
-            axis.set_tick_params(labelsize=8)
-        arrow = {metric: "◂ better" if known[metric].better == "lower" else "better ▸" for metric in (along, up)}
-        axes.set_xlabel(f"{heading(known[along])}   {arrow[along]}")
-        axes.set_ylabel(f"{heading(known[up])}   {arrow[up]}")
-    best = [f"{number:\u2007>2}  {shown_name(name)}" for number, name in enumerate(names[:NAMED], 1)]
-    figure.legend(
-        handles=[Line2D([], [], linestyle="none", marker="", label=text) for text in best] + _legend(names),
-        loc="outside right upper",
-        fontsize=8,
-        handlelength=1.0,
-    )
+    """The strategies, best first, and their means of the metrics that rank, a column a metric, scenario and size."""
+    known, shown = all_metrics(), _ranking(trials)
+    columns = [(metric, place) for metric in ranking_metrics(trials) for place in places_of(trials)]
+    figure, panels = _panels(columns, [shown_name(own.strategy) for own in shown])
+    for (metric, place), axes in zip(columns, panels, strict=True):
+        for line, own in enumerate(shown):
+            mean = own.means.get((place, metric))
+            if mean is not None and mean.mean > 0:
+                color, marker, filled = _mark(own.strategy)
+                _interval(axes, line, (mean.mean, mean.low, mean.high), color, marker, filled=filled)
+        axes.set_xlabel("◂ better" if known[metric].better == "lower" else "better ▸", fontsize=8)
+    marks = _legend([own.strategy for own in shown])
+    figure.legend(handles=marks, loc="outside lower center", ncols=min(len(marks), 5), fontsize=8, handlelength=1.0)
     return figure
 
 
-def _where(place: Place, places: list[Place]) -> str:
-    scenario, size = place
-    return f"{scenario}, {size:g} m" if len({one for one, _ in places}) > 1 else f"{size:g} m × {size:g} m"
+def _panels(
+    columns: Sequence[tuple[str, Place]], labels: Sequence[str], *, sharex: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """Figure with a line for each label, on the left, and a panel for each metric and place."""
+    figure, grid = plt.subplots(
+        *(1, len(columns)),
+        figsize=(4.0 + 1.7 * len(columns), 1.6 + 0.22 * len(labels)),
+        sharex=sharex,
+        sharey=True,
+        squeeze=False,
+    )
+    several = len({scenario for _, (scenario, _) in columns}) > 1
+    for axes, (metric, (scenario, size)) in zip(grid[0], columns, strict=True):
+        where = scenario if several else f"{size:g} m"
+        axes.set(title=f"{all_metrics()[metric].symbol}, {where}", xscale="log")
+        plain_log(axes.xaxis)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+        axes.xaxis.set_tick_params(labelsize=7)
+    grid[0, 0].set_yticks(range(len(labels)), labels)
+    grid[0, 0].set_ylim(len(labels) - 0.5, -0.5)
+    return figure, list(grid[0])
 
 
-def _point(axes: Axes, own: Standing, place: Place, metrics: tuple[str, str], number: int) -> None:
-    """A strategy's means of two metrics at a place with their intervals, numbered where it is among the best."""
-    means = [own.means.get((place, metric)) for metric in metrics]
-    if any(mean is None or not mean.mean > 0 for mean in means):
-        return
-    x, y = (mean for mean in means if mean is not None)
-    color, marker, filled = _mark(own.strategy)
-    reach = [[[mean.mean - mean.low], [mean.high - mean.mean]] if mean.n > 1 else None for mean in (x, y)]
+def _interval(
+    axes: Axes, line: int, ends: tuple[float, float, float], color: str, marker: str = "o", *, filled: bool
+) -> None:
+    """A mean and the ends of its interval, NaN where it has none, on a line."""
+    mean, low, high = ends
     axes.errorbar(
-        *([x.mean], [y.mean]),
-        xerr=reach[0],
-        yerr=reach[1],
+        *([mean], [line]),
+        xerr=[[mean - low], [high - mean]] if math.isfinite(low) else None,
         fmt=marker,
-        ms=6 if filled else 4,
+        ms=4.5,
         color=color,
         mfc=color if filled else "white",
-        elinewidth=0.6,
-        alpha=0.9,
+        elinewidth=1.0,
     )
-    if number <= NAMED:
-        axes.annotate(str(number), (x.mean, y.mean), xytext=(4, 4), textcoords="offset points", fontsize=8, zorder=9)
 
 
 def _mark(name: str) -> tuple[str, str, bool]:
@@ -246,34 +244,20 @@ def terms_figure(found: Mapping[Claim, list[Finding]]) -> Figure:
 
     The claims are of one scenario a column. Filled where it is shown after Holm's correction over the rule's claim.
     """
-    cells: dict[tuple[str, str], dict[tuple[str, str, float | None], Finding]] = {}
+    cells: dict[tuple[str, str], dict[tuple[str, Place], Finding]] = {}
     for claim, findings in found.items():
         for one in findings:
             asked = one.comparison
-            row = cells.setdefault((asked.better, asked.worse), {})
-            row[claim.scenario, asked.metric, asked.size] = one
+            if asked.size is not None:
+                row = cells.setdefault((asked.better, asked.worse), {})
+                row[asked.metric, (claim.scenario, asked.size)] = one
     columns = list(dict.fromkeys(key for row in cells.values() for key in row))
-    several = len({scenario for scenario, _, _ in columns}) > 1
-    figure, grid = plt.subplots(
-        *(1, len(columns)),
-        figsize=(4.0 + 1.7 * len(columns), 1.3 + 0.22 * len(cells)),
-        sharex=True,
-        sharey=True,
-        squeeze=False,
-    )
-    for axes, key in zip(grid[0], columns, strict=True):
+    figure, panels = _panels(columns, [_beside(rule, control) for rule, control in cells], sharex=True)
+    for axes, key in zip(panels, columns, strict=True):
         axes.axvline(1.0, color="#444", linewidth=0.9)
         for line, ((rule, _), row) in enumerate(cells.items()):
             if key in row:
                 _gain(axes, line, row[key], FAMILY_COLORS[family_of(rule) or next(iter(FAMILY_COLORS))])
-        scenario, metric, size = key
-        where = scenario if several else f"{size:g} m"
-        axes.set(title=f"{all_metrics()[metric].symbol}, {where}", xscale="log")
-        plain_log(axes.xaxis)
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
-        axes.xaxis.set_tick_params(labelsize=7)
-    grid[0, 0].set_yticks(range(len(cells)), [_beside(rule, control) for rule, control in cells])
-    grid[0, 0].set_ylim(len(cells) - 0.5, -0.5)
     figure.supxlabel("times as good as its control: right of 1 the term helps", fontsize=9)
     return figure
 
@@ -291,14 +275,5 @@ def _gain(axes: Axes, line: int, finding: Finding, color: str) -> None:
     if not np.isfinite(ends).all() or (ends <= 0).any():
         return
     mean, *reach = ends if metric_of(finding.comparison).better == "higher" else 1.0 / ends
-    low, high = sorted(reach)
     shown = finding.verdict.startswith((SUPPORTED, CONTRADICTED))
-    axes.errorbar(
-        *([mean], [line]),
-        xerr=[[mean - low], [high - mean]],
-        fmt="o",
-        ms=4.5,
-        color=color,
-        mfc=color if shown else "white",
-        elinewidth=1.0,
-    )
+    _interval(axes, line, (mean, *sorted(reach)), color, filled=shown)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 
 from explore_bench.analysis.training_curve import CURVE_WINDOW, on_one_axis, trainings
 from explore_bench.report.drawing import save_all, styled
+from explore_bench.report.figures import without_variants
 from explore_bench.strategies.registry import strategies
 
 TRAINING_FIGURES = {"figure-07": "layers", "figure-09": "table2", "figure-12": "table3"}
@@ -57,25 +59,32 @@ VALIDATION = View(
 )
 
 
-def write_training_figures(folder: Path) -> list[Path]:
-    """Draw the training of every learned strategy that ships with a curve; returns the files written."""
+def write_training_figures(folder: Path, names: Collection[str] | None = None) -> list[Path]:
+    """Draw the training of the learned strategies (None: all) that ship with a curve; returns the files written.
+
+    A network without its variants has no figure of variants.
+    """
     written: list[Path] = []
     with styled():
         for (name, table), greedy in zip(TRAINING_FIGURES.items(), VALIDATION_FIGURES, strict=True):
-            shown = {key: trainings(entry).values() for key, entry in strategies().items() if table in entry.tables}
+            shown = {
+                key: trainings(entry).values()
+                for key, entry in strategies().items()
+                if table in entry.tables and (names is None or key in names)
+            }
             curves = {key: [own.curve for own in of] for key, of in shown.items()}
             validated = {
                 key: [own.validations for own in of if own.validations is not None] for key, of in shown.items()
             }
-            written += save_all(_figure(curves, TRAINING), folder / name)
-            written += save_all(_figure(validated, VALIDATION), folder / greedy)
+            written += save_all(_figure(curves, table, TRAINING), folder / name)
+            written += save_all(_figure(validated, table, VALIDATION), folder / greedy)
     return written
 
 
-def _figure(curves: dict[str, list[pd.DataFrame]], view: View) -> Figure | None:
-    """Curves of each strategy's seeds; None where there are none."""
+def _figure(curves: dict[str, list[pd.DataFrame]], table: str, view: View) -> Figure | None:
+    """Curves of each strategy's seeds; None where there are none to be compared."""
     curves = {name: own for name, own in curves.items() if own}
-    if not curves:
+    if not curves or without_variants(table, curves):
         return None
     figure, grid = plt.subplots(1, len(view.panels), figsize=(11.5, 3.6))
     for axes, (column, label) in zip(grid, view.panels.items(), strict=True):
