@@ -5,7 +5,7 @@
 
 Each trial runs in a process of its own, on calibration worlds, until its map is explored or --steps are taken. A trial
 that is done is not run again: FOLDER keeps one row a trial. Writes scaling.csv, means by strategy and size, beside this
-file, and scaling.png and .svg into docs.
+file, and scaling.png and .svg into docs/images.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ import pandas as pd
 
 from explore_bench import PAPER, Observation, draw_world, rollout, stream
 from explore_bench.files import write_whole
-from explore_bench.report.drawing import entry_of, save, styled
+from explore_bench.report.drawing import entry_of, save_all, styled
+from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.strategies.entry import weights_file
 from explore_bench.strategies.loading import make_strategy
 from explore_bench.strategies.registry import lookup
@@ -35,6 +36,8 @@ from explore_bench.trial.error_and_efficiency import score
 DOCS = Path(__file__).parents[1]
 WINDOW = 100
 """Steps whose mean cost stands for the end of a trial."""
+PARTS = ("driver", "world", "isam2", "estimate", "covariances", "virtual map", "occupancy", "row")
+"""Parts of a step, as a trial tells when they are done."""
 
 
 def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
@@ -47,7 +50,8 @@ def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
     weights = {"weights": str(weights_file(entry.weights[0]))} if entry.weights else {}
     strategy = make_strategy(entry.factory, {**entry.parameters, **weights})
     strategy.reset(choosing)
-    events = rollout(scenario, draw_world(scenario, drawn), motion, sensor)
+    watch = Stopwatch(time.process_time)
+    events = rollout(scenario, draw_world(scenario, drawn), motion, sensor, watch.lap)
     answer, status, rows = None, "cut off", []
     steps: list[float] = []
     decisions: list[float] = []
@@ -87,6 +91,10 @@ def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
         "last_decision_ms": 1e3 * np.mean(decisions[-WINDOW // 10 :]),
         "candidates": np.mean(candidates),
         "seconds": sum(steps) + sum(decisions),
+        **{
+            f"last_{part.replace(' ', '_')}_ms": 1e3 * np.mean([step[part] for step in watch.steps[-WINDOW - 1 : -1]])
+            for part in PARTS
+        },
         "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
 
@@ -103,21 +111,25 @@ def kept(folder: Path, name: str, size: float, number: int, most: int) -> dict[s
 
 
 def draw(table: pd.DataFrame, place: Path) -> None:
-    """Draw cost, memory and steps over the number of cells."""
-    panels = {"last_step_ms": "step at the end [CPU ms]", "last_decision_ms": "decision at the end [CPU ms]"}
-    panels |= {"memory": "memory [MiB]", "steps": "steps"}
+    """Draw metrics and cost over the edge of the map; of strategies that were cut off, no metric."""
+    panels = {"steps": "steps T", "e": "trajectory error e [m]", "eta": "efficiency η [m²/step]"}
+    panels |= {"last_step_ms": "step at the end [CPU ms]", "last_decision_ms": "decision at the end [CPU ms]"}
+    panels |= {"memory": "memory [MiB]"}
+    metrics = ["steps", "e", "eta"]
+    shown = table.copy()
+    shown.loc[shown["explored_trials"] < shown["trials"], metrics] = np.nan
     with styled():
-        figure, grid = plt.subplots(1, len(panels), figsize=(11.5, 3.4))
-        for axes, (column, title) in zip(grid, panels.items(), strict=True):
-            for name, own in table.groupby("strategy", sort=False):
+        figure, grid = plt.subplots(2, 3, figsize=(10.5, 6.6))
+        for axes, (column, title) in zip(grid.flat, panels.items(), strict=True):
+            for name, own in shown.groupby("strategy", sort=False):
                 entry = entry_of(str(name))
                 axes.plot(own["size"], own[column], marker="o", ms=3, color=entry.color, label=entry.label)
             axes.set(title=title, xlabel="edge of the map [m]", xscale="log", yscale="log")
-        handles, labels = grid[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8)
-        for suffix in (".png", ".svg"):
-            save(figure, place.with_suffix(suffix))
-    plt.close(figure)
+            axes.set_xticks(sorted(table["size"].unique()), [f"{size:g}" for size in sorted(table["size"].unique())])
+            axes.minorticks_off()
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+        save_all(figure, place)
 
 
 def main() -> None:
@@ -150,7 +162,7 @@ def main() -> None:
     means = rows.groupby(["strategy", "size"]).mean(numeric_only=True).drop(columns="world")
     table = sums.join(means).reset_index()
     table.to_csv(Path(__file__).with_suffix(".csv"), index=False, float_format="%.4g")
-    draw(table, DOCS / "scaling")
+    draw(table, DOCS / "images" / "scaling")
     print(table.to_string(index=False))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
+from collections.abc import Callable
 
 from explore_bench.strategies.contract import Observation
 
@@ -11,25 +12,26 @@ DECISION = "decision"
 
 
 class Stopwatch:
-    """Collects the time of each part of each step [s]; give `lap` to `run_trial`.
+    """Collects the time of each part of each step [s], by a clock; give `lap` to `run_trial` or `rollout`.
 
     Attributes
     ----------
     steps : part → time, for each step; the first entry is what comes before any step.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.steps: list[dict[str, float]] = [defaultdict(float)]
-        self._last = time.perf_counter()
+        self._clock = clock
+        self._last = clock()
 
     def lap(self, part: str) -> None:
         """Note the time since the last lap; the part `row` ends a step."""
-        now = time.perf_counter()
+        now = self._clock()
         if part != DECISION:
             self.steps[-1][part] += now - self._last
         if part == "row":
             self.steps.append(defaultdict(float))
-        self._last = time.perf_counter()
+        self._last = self._clock()
 
 
 class FreeChoice:
