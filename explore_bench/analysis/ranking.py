@@ -54,6 +54,7 @@ class Duel:
     worlds : that both tried.
     gain : how much better the first is in the direction of the metric; negative where it is worse.
     p : of "no difference with these weights", after Holm's correction over all duels.
+    p_architecture : of "no difference after other trainings", likewise; NaN where the seeds are too few to say.
     """
 
     other: str
@@ -63,11 +64,17 @@ class Duel:
     worlds: int
     gain: float
     p: float
+    p_architecture: float
 
     @property
     def won(self) -> bool:
         """Whether the first is shown to be better."""
         return self.p <= LEVEL and self.gain > 0
+
+    @property
+    def won_after_other_trainings(self) -> bool:
+        """Whether the first would be shown to be better with other weights of the same architecture, too."""
+        return self.won and self.p_architecture <= LEVEL
 
     @property
     def lost(self) -> bool:
@@ -141,6 +148,12 @@ def duels(trials: pd.DataFrame, names: Sequence[str]) -> list[Duel]:
                 pair = paired(own, its, metric)
                 if pair.defined:
                     gain = float(pair.differences.mean()) * (1.0 if known[metric].better == "higher" else -1.0)
-                    found.append(Duel(other, place, metric, pair.relative, pair.worlds, gain, pair.p))
-    corrected = holm([duel.p for duel in found]).tolist()
-    return [replace(duel, p=p) for duel, p in zip(found, corrected, strict=True)]
+                    own_p = pair.p, pair.p_architecture
+                    found.append(Duel(other, place, metric, pair.relative, pair.worlds, gain, *own_p))
+    of_weights, of_architecture = (
+        holm([getattr(duel, name) for duel in found]).tolist() for name in ("p", "p_architecture")
+    )
+    return [
+        replace(duel, p=p, p_architecture=other)
+        for duel, p, other in zip(found, of_weights, of_architecture, strict=True)
+    ]

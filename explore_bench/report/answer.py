@@ -100,8 +100,8 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
     on = f"{worlds[0]}" if len(worlds) == 1 else f"{worlds[0]} to {worlds[-1]}"
     text = (
         f"In the same {on} worlds {first} is shown to be better in {won or 'none'} of {len(found)} comparisons with "
-        f"the others ({_compared(found)}; paired by world, p ≤ {LEVEL:g} after Holm’s correction) and worse in "
-        f"{lost or 'none'}"
+        f"the others ({_compared(found)}; paired by world, p ≤ {LEVEL:g} after Holm’s correction){_trained(found)} and "
+        f"worse in {lost or 'none'}"
     )
     if 0 < len(open_) <= 4:
         text += f"; open are {sum(open_.values())}, with {_joined(list(open_))}"
@@ -112,6 +112,14 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
         text += f". Against the next, {second}: {_joined(gains)} at {_named(last[0].place, found)}"
     least = math.ceil(math.log2(2.0 * len(found) / LEVEL))  # worlds: the least p is 2/2ⁿ, times Holm's correction
     return f"{text}." + (f" So few worlds can show nothing, {least} might." if worlds[-1] < least else "")
+
+
+def _trained(found: Sequence[Duel]) -> str:
+    """In how many comparisons other trainings would show it again; nothing where nobody was trained."""
+    if all(duel.p_architecture == duel.p for duel in found):
+        return ""
+    again = sum(duel.won_after_other_trainings for duel in found)
+    return f", in {again or 'none'} of them after other trainings, too,"
 
 
 def _compared(found: Sequence[Duel]) -> str:

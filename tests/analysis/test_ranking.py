@@ -129,6 +129,19 @@ def test_p_values_are_of_paired_differences_and_corrected_over_all_duels():
     assert [duel.p for duel in found] == pytest.approx(holm(plain).tolist())
 
 
+def test_a_duel_of_weights_says_whether_other_trainings_would_win_it_too():
+    """Both win with their weights; those of the second would lie anywhere from world to world and seed to seed."""
+    seeds = [
+        rows("graph-stnn", 1.0 + shift, 1.0).assign(training_seed=seed) for seed, shift in enumerate((-0.3, 0, 0.3))
+    ]
+    others = [rows(name, 1.5, 1.0) for name in ("nearest", "random")]
+    found = duels(pd.concat([*seeds, *others]), ["graph-stnn", "nearest", "random"])
+    found = [duel for duel in found if duel.metric == "trajectory_error"]
+    assert all(duel.won and not duel.won_after_other_trainings for duel in found)
+    plain = duels(pd.concat(others), ["nearest", "random"])
+    assert all(duel.p == duel.p_architecture for duel in plain)
+
+
 def test_strategies_without_a_common_place_or_world_are_not_compared():
     trials = pd.concat([rows("nearest", 1.0, 1.0), rows("random", 2.0, 2.0, size=40.0)])
     assert duels(trials, ["nearest", "random"]) == []

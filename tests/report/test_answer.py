@@ -29,8 +29,9 @@ METRICS = ("trajectory_error", "exploration_efficiency")
 BEST = "uncertainty"
 
 
-def duel(other, place=PLACES[0], metric=METRICS[0], gain=0.1, p=0.01):
-    return Duel(other, place, metric, Estimate(-0.2, -0.3, -0.1, 50), 50, gain, p)
+def duel(other, place=PLACES[0], metric=METRICS[0], gain=0.1, p=0.01, p_architecture=None):
+    again = p if p_architecture is None else p_architecture
+    return Duel(other, place, metric, Estimate(-0.2, -0.3, -0.1, 50), 50, gain, p, again)
 
 
 def against(other, **options):
@@ -81,6 +82,16 @@ def test_how_sure_that_is_counts_comparisons_and_names_the_open_ones_and_the_nex
     assert "better in none of 4" in how_sure([BEST, "nearest"], against("nearest", **OPEN))
     assert "worse in 4" in how_sure([BEST, "nearest"], against("nearest", **LOST))
     assert "tried no world" in how_sure([BEST, "nearest"], [])
+
+
+def test_of_trained_weights_it_says_what_other_trainings_would_show_again():
+    found = [*against("nearest", p_architecture=0.02), *against("random", p_architecture=0.06)]
+    said = how_sure([BEST, "nearest", "random"], found)
+    assert "better in 8 of 8" in said
+    assert "Holm’s correction), in 4 of them after other trainings, too, and worse in none" in said
+    open_ = [duel("nearest", p=0.4, p_architecture=0.04), duel("random", p_architecture=math.nan)]
+    assert "in none of them after other trainings, too" in how_sure([BEST, "nearest", "random"], open_)
+    assert "other trainings" not in how_sure([BEST, "nearest"], against("nearest"))
 
 
 def test_scenarios_are_named_where_there_are_several():
