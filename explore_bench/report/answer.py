@@ -118,6 +118,8 @@ def _trained(found: Sequence[Duel]) -> str:
     """In how many comparisons other trainings would show it again; nothing where nobody was trained."""
     if all(duel.p_architecture == duel.p for duel in found):
         return ""
+    if not any(math.isfinite(duel.p_architecture) for duel in found):
+        return " with these weights, whose seeds are too few to say it of other trainings,"
     again = sum(duel.won_after_other_trainings for duel in found)
     return f", in {again or 'none'} of them after other trainings, too,"
 

@@ -91,6 +91,8 @@ def test_of_trained_weights_it_says_what_other_trainings_would_show_again():
     assert "Holm’s correction), in 4 of them after other trainings, too, and worse in none" in said
     open_ = [duel("nearest", p=0.4, p_architecture=0.04), duel("random", p_architecture=math.nan)]
     assert "in none of them after other trainings, too" in how_sure([BEST, "nearest", "random"], open_)
+    said = how_sure([BEST, "nearest"], against("nearest", p_architecture=math.nan))
+    assert "correction) with these weights, whose seeds are too few to say it of other trainings, and worse in" in said
     assert "other trainings" not in how_sure([BEST, "nearest"], against("nearest"))
 
 
