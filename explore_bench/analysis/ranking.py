@@ -114,7 +114,7 @@ def standings(trials: pd.DataFrame, references: Collection[str]) -> list[Standin
             cell = groups.get((name, *place))
             for metric in metrics if cell is not None else ():
                 values = np.array(list(by_world(cell, metric).values()))
-                if np.isfinite(values).all() and (name not in references or entry_named(name).fills(metric)):
+                if np.isfinite(values).all() and entry_named(name, references).fills(metric):
                     means[place, metric] = mean_interval(values)
         if means:
             found.append(Standing(name, means, _score(means)))

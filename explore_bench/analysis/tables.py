@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import pandas as pd
 from explore_bench.analysis.csv_files import KEYS, write_table
 from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of, regret
 from explore_bench.analysis.rounding import rounded
-from explore_bench.analysis.statistics import mean_interval
+from explore_bench.analysis.statistics import Estimate, mean_interval
 from explore_bench.errors import RequestError
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import weights_digest
@@ -198,21 +198,23 @@ def seed_means(table: pd.DataFrame, metric: str) -> list[float]:
     return [float(own.mean(skipna=False)) for _, own in table.groupby("training_seed")[metric]]
 
 
-def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
+def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.DataFrame:
     """Means with intervals of every table, strategy, size and metric; the paper's value where that table prints one.
 
     `n` counts worlds, `failed` trials that did not explore; `seed_low` and `seed_high` are the smallest and the largest
     mean of a single one of the `seeds` training seeds.
 
     A strategy without trials stands in it with n = 0 where the paper prints a value; a metric that is not defined for
-    every trial of a cell is left out. What the paper prints stands beside trials of its own scenario alone.
+    every trial of a cell is left out. A reference (a registered one, and `references`, told the truth when their trials
+    ran) has no mean of a metric for which it does not plan, but its n and its failed trials. What the paper prints
+    stands beside trials of its own scenario alone.
     """
     rows = []
     metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, *REGRETS, *own_metrics(trials)]
     printed = of_paper(trials)
     for name in in_order([*strategies(), *trials["strategy"]]):
         own = trials[trials["strategy"] == name]
-        entry = entry_named(name)
+        entry = entry_named(name, references)
         published = entry.published if printed else {}
         for table in entry.tables or (NO_TABLE,):
             sizes = {float(size) for size in own["size"]} | {s for t, s, _ in published if t == table}
@@ -226,6 +228,9 @@ def summary_table(trials: pd.DataFrame) -> pd.DataFrame:
                     if np.isnan(values).any():
                         continue  # not defined for every trial: no mean over those for which it is
                     estimate, of_seeds = mean_interval(values), seed_means(cell, metric)
+                    if not entry.fills(metric):
+                        estimate = Estimate(math.nan, math.nan, math.nan, estimate.n)
+                        of_seeds = [math.nan] * len(of_seeds)
                     rows.append(
                         {
                             "table": table,

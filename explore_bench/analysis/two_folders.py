@@ -17,6 +17,7 @@ from explore_bench.analysis.paired import Paired, paired
 from explore_bench.analysis.statistics import LEVEL, Estimate, holm
 from explore_bench.analysis.tables import measured
 from explore_bench.errors import RequestError
+from explore_bench.strategies.registry import entry_named
 
 COMPARED_METRICS = ("trajectory_error", "exploration_efficiency", "t90")
 CELL = ["strategy", "size", "scenario"]
@@ -78,6 +79,9 @@ def compare_folders(a: Path, b: Path) -> FolderComparison:
     others = dict(list(pair[1].groupby(CELL)))
     for cell, own in pair[0].groupby(CELL):
         for metric in COMPARED_METRICS:
+            if not entry_named(str(cell[0])).fills(metric):
+                left_out.append(f"{_place(cell)}: {metric} is none that this reference plans for")
+                continue
             both = paired(others[cell], own, metric, matched=True)
             if not both.worlds:
                 left_out.append(f"{_place(cell)}: no world that every training seed of both tried")

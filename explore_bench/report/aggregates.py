@@ -14,12 +14,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.paired import paired
 from explore_bench.analysis.ranking import COMPARED
 from explore_bench.analysis.statistics import Survival, interquartile_mean_interval, survival
-from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
 from explore_bench.report.tables import (
     PAPER_METRICS,
@@ -28,6 +28,7 @@ from explore_bench.report.tables import (
     groups_of,
     heading,
     interval_text,
+    shown_by_world,
     shown_name,
 )
 
@@ -44,8 +45,7 @@ def write_survival_figures(trials: pd.DataFrame, folder: Path) -> list[Path]:
     written: list[Path] = []
     with styled():
         for size in sorted(set(trials["size"])):
-            shown = any(s == size and COMPARED in entry_of(name).tables for (name, s), _ in groups_of(trials))
-            written += save_all(survival_figure(trials, size) if shown else None, folder / f"times-{size:g}m")
+            written += save_all(survival_figure(trials, size), folder / f"times-{size:g}m")
     return written
 
 
@@ -57,11 +57,10 @@ def robust_table(trials: pd.DataFrame) -> Table:
     for (strategy, size), cell in groups_of(trials):
         row = [shown_name(strategy), f"{size:g}", str(cell["trial"].nunique())]
         for name in PAPER_METRICS:
-            values = np.array(list(by_world(cell, name).values()))
-            shown = entry_of(strategy).fills(name) and np.isfinite(values).all()
+            values = np.array(list(shown_by_world(cell, name).values()))
+            shown = len(values) and np.isfinite(values).all()
             row.append(interval_text(interquartile_mean_interval(values)) if shown else "–")
-        curves = {name: coverage_survival(cell, name) for name in COVERAGES}
-        row += [f"{own.median:.0f}" if math.isfinite(own.median) else "–" for own in curves.values()]
+        row += [_median(cell, name) for name in COVERAGES]
         row.append(f"{int((~_reached(cell, 't90')).sum())} of {len(cell)}")
         rows.append(tuple(row))
     note = (
@@ -76,6 +75,12 @@ def robust_table(trials: pd.DataFrame) -> Table:
 def coverage_survival(cell: pd.DataFrame, name: str) -> Survival:
     """Survival curve of the time to a share of the map, `name` of COVERAGES, over the trials of a cell."""
     return survival(np.where(_reached(cell, name), cell[name], np.inf))
+
+
+def _median(cell: pd.DataFrame, name: str) -> str:
+    """Median time to a share of the map; a dash where most trials never knew it or a reference does not plan for it."""
+    median = coverage_survival(cell, name).median if shown_by_world(cell, name) else math.inf
+    return f"{median:.0f}" if math.isfinite(median) else "–"
 
 
 def _reached(cell: pd.DataFrame, name: str) -> np.ndarray:
@@ -106,22 +111,33 @@ def _wins(a: pd.DataFrame, b: pd.DataFrame, metric: str) -> str:
     return "/".join(f"{round(count, 1):g}" for count in pair.wins(sign)) if pair.defined else "–"
 
 
-def survival_figure(trials: pd.DataFrame, size: float) -> Figure:
-    """Share of trials that do not yet know 50, 80 and 90 % of the map, over the steps."""
-    own = {n: cell for (n, s), cell in groups_of(trials) if s == size and COMPARED in entry_of(n).tables}
+def survival_figure(trials: pd.DataFrame, size: float) -> Figure | None:
+    """Share of trials that do not yet know 50, 80 and 90 % of the map, over the steps; None where nobody is shown."""
+    own = {
+        name: cell
+        for (name, s), cell in groups_of(trials)
+        if s == size and COMPARED in entry_of(name).tables and any(map(entry_of(name).fills, COVERAGES))
+    }
+    if not own:
+        return None
     figure, grid = plt.subplots(1, len(COVERAGES), figsize=(11.5, 3.8), sharey=True)
+    lines: dict[str, Line2D] = {}
     for axes, (metric, coverage) in zip(grid, COVERAGES.items(), strict=True):
         for name, cell in own.items():
+            if not shown_by_world(cell, metric):
+                continue
             curve, entry = coverage_survival(cell, metric), entry_of(name)
             last = float(np.fmax(np.where(_reached(cell, metric), cell[metric], cell["steps"]), 1.0).max())
             times, shares = _stairs(curve.times, curve.shares, last)
             style = "--" if entry.reference else "-"
-            axes.step(times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=shown_name(name))
+            [lines[name]] = axes.step(
+                times, shares, where="post", color=entry.color, linestyle=style, lw=1.2, label=shown_name(name)
+            )
         axes.set(xlabel="step", title=f"trials below {coverage:.0%} of the map", ylim=(0, 1.02))
         axes.set_xscale("log")
         plain_log(axes.xaxis)
     grid[0].set_ylabel("share of trials")
-    handles, labels = grid[0].get_legend_handles_labels()
+    handles, labels = [lines[name] for name in own], [shown_name(name) for name in own]
     figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(own)), fontsize=8)
     figure.suptitle(f"{size:g} m × {size:g} m, over trials", fontsize=10)
     return figure

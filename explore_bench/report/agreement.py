@@ -10,9 +10,18 @@ import pandas as pd
 
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.statistics import Estimate, order_agreement
-from explore_bench.analysis.tables import by_world, of_paper
+from explore_bench.analysis.tables import of_paper
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.tables import PAPER_METRICS, PAPER_TABLES, Scope, Table, heading, interval_text, shown_name
+from explore_bench.report.tables import (
+    PAPER_METRICS,
+    PAPER_TABLES,
+    Scope,
+    Table,
+    heading,
+    interval_text,
+    shown_by_world,
+    shown_name,
+)
 from explore_bench.world.scenarios import PAPER
 
 
@@ -28,11 +37,12 @@ def agreement_table(summary: pd.DataFrame) -> Table:
     header = ("table", "Method", "size [m]", "metric", "paper", "ours", "ours / paper", "n")
     rows, scopes = [], []
     for line in summary[summary["paper"].notna()].itertuples():
-        measured = line.n > 0
+        planned = entry_of(str(line.strategy)).fills(str(line.metric))
+        measured = line.n > 0 and planned
         estimate = Estimate(line.mean, line.ci_low, line.ci_high, line.n)
         ratio = Estimate(line.mean / line.paper, line.ci_low / line.paper, line.ci_high / line.paper, line.n)
         scopes.append(Scope((str(line.strategy),), float(line.size)))
-        absent = "not run" if entry_of(str(line.strategy)).ready else "not trained"
+        absent = "–" if not planned else "not run" if entry_of(str(line.strategy)).ready else "not trained"
         rows.append(
             (
                 str(line.table).replace("table", "Table "),
@@ -88,11 +98,11 @@ def _measured(trials: pd.DataFrame, table: str, size: float, metric: str) -> dic
     """Values of the strategies that the paper prints there, on the worlds that all of them tried, shape (n,) each."""
     here = trials[trials["size"] == size]
     values = {
-        str(name): by_world(own, metric)
+        str(name): shown_by_world(own, metric)
         for name, own in here.groupby("strategy")
         if (table, size, metric) in entry_of(str(name)).published
     }
-    finite = {name: own for name, own in values.items() if all(map(math.isfinite, own.values()))}
+    finite = {name: own for name, own in values.items() if own and all(map(math.isfinite, own.values()))}
     worlds = sorted(set.intersection(*(set(own) for own in finite.values()))) if finite else []
     return {name: np.array([own[world] for world in worlds]) for name, own in finite.items()} if worlds else {}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -71,8 +70,7 @@ def showing(specs: Iterable[TrialSpec]) -> Iterator[None]:
 
 def entry_of(name: str) -> Entry:
     """Entry of a strategy, also of one that is not registered (any more), for then its name says it all."""
-    entry = entry_named(name)
-    return dataclasses.replace(entry, reference=True) if name in _references.get() else entry
+    return entry_named(name, _references.get())
 
 
 class _RoundNumbers(LogLocator):

@@ -16,7 +16,7 @@ from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
 from explore_bench.report.aggregates import aggregate_tables, write_survival_figures
 from explore_bench.report.agreement import agreement_tables
-from explore_bench.report.drawing import save_all, showing, styled
+from explore_bench.report.drawing import entry_of, save_all, showing, styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
 from explore_bench.report.pages.claims import claims_section, examined, overview, tried, write_claims
@@ -94,7 +94,7 @@ def _write_all(
     found, tables = examined(trials), field_tables(trials, read_times(folder)) | own
     files = [*write_claims(found, folder), *drawn, *write_field_figures(trials, found, folder / "figures")]
     if trials["scenario"].nunique() == 1:
-        summary = summary_table(trials)
+        summary = summary_table(trials, {name for name in set(trials["strategy"]) if entry_of(name).reference})
         files.append(write_table(summary, folder / "summary.csv"))
         tables |= report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
         files += write_survival_figures(trials, folder / "figures")

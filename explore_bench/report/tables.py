@@ -10,10 +10,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.metrics import METRICS, REGRETS, Metric
-from explore_bench.analysis.statistics import Estimate, paired_difference
+from explore_bench.analysis.statistics import Estimate, mean_interval, paired_difference
 from explore_bench.analysis.tables import by_world, of_paper
 from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
@@ -251,6 +252,21 @@ def groups_of(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFram
     cells = {(str(name), float(size)): cell for (name, size), cell in trials.groupby(["strategy", "size"])}
     order = {name: place for place, name in enumerate(in_order(name for name, _ in cells))}
     return sorted(cells.items(), key=lambda item: (order[item[0][0]], item[0][1]))
+
+
+def shown_by_world(cell: pd.DataFrame, metric: str) -> dict[int, float]:
+    """`by_world` of the trials of one strategy; no world where that is a reference that does not plan for the metric.
+
+    Whatever is shown of trials by strategy begins here.
+    """
+    planned = len(cell) and entry_of(str(cell["strategy"].iloc[0])).fills(metric)
+    return by_world(cell, metric) if planned else {}
+
+
+def mean_text(cell: pd.DataFrame, metric: str) -> str:
+    """Mean over worlds with its interval; a dash where a trial lacks the metric or a reference does not plan for it."""
+    values = np.array(list(shown_by_world(cell, metric).values()))
+    return interval_text(mean_interval(values)) if len(values) and np.isfinite(values).all() else "–"
 
 
 def heading(metric: Metric) -> str:

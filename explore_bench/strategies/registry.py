@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import redirect_stdout
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -125,8 +125,13 @@ def lookup(name: str) -> tuple[str, Entry]:
     return _with_parameters(factory, plugin_entry(asked, factory), parameters)
 
 
-def entry_named(name: str) -> Entry:
-    """Entry of a strategy by the name of its records, also of one that is not registered: its label and its colour."""
+def entry_named(name: str, references: Collection[str] = ()) -> Entry:
+    """Entry of a strategy by the name of its records, also of one that is not registered: its label and its colour.
+
+    One of `references`, which were told the truth when their trials ran, is a reference whatever is registered.
+    """
+    if name in references:
+        return dataclasses.replace(entry_named(name), reference=True)
     name, known = _present_name(name), strategies()
     if name in known:
         return known[name]

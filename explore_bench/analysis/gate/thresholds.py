@@ -12,6 +12,7 @@ from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.times import EVERY_DECISION, TIME_COLUMNS
 from explore_bench.errors import RequestError, unknown
 from explore_bench.files import parse_toml, read_text
+from explore_bench.strategies.registry import entry_named
 
 MAX_PAIRS = 6
 """Largest family unless the file allows more: each member costs the others power."""
@@ -111,6 +112,10 @@ def _check_metric(one: Threshold) -> None:
         raise unknown("metric", one.metric, gated)
     if one.metric not in gated:
         raise RequestError(f"metric '{one.metric}' is better in no direction; gate one of {', '.join(gated)}.")
+    if not entry_named(one.strategy).fills(one.metric):
+        raise RequestError(
+            f"metric '{one.metric}' is none that the reference '{one.strategy}' plans for; gate another."
+        )
     if one.direction not in (None, gated[one.metric]):
         raise RequestError(
             f"direction of {one.metric} is '{one.direction}', but by its definition {gated[one.metric]} is better; "

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from explore_bench.analysis.lidar.metrics import METRICS
 from explore_bench.analysis.ranking import places_of
 from explore_bench.analysis.statistics import mean_interval
-from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.tables import heading, shown_name
+from explore_bench.report.tables import heading, shown_by_world, shown_name
 from explore_bench.strategies.registry import in_order
 
 PANELS = ("l90", "t98_seconds")
@@ -50,7 +49,7 @@ def ranking(trials: pd.DataFrame) -> Figure:
 def _panel(axes: Axes, trials: pd.DataFrame, names: list[str], metric: str) -> None:
     for line, name in enumerate(names):
         own = trials[trials["strategy"] == name]
-        values = np.array(list(by_world(own, metric).values())) if len(own) else np.empty(0)
+        values = np.array(list(shown_by_world(own, metric).values()))
         if not len(values) or not np.isfinite(values).all():
             continue
         mean = mean_interval(values)

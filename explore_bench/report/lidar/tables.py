@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.lidar.metrics import METRICS as OWN
 from explore_bench.analysis.metrics import METRICS as COMMON
-from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.tables import Scope, Table, groups_of, heading, interval_text, paired_text, shown_name
+from explore_bench.report.tables import Scope, Table, groups_of, heading, mean_text, paired_text, shown_name
 
 METRICS = COMMON | OWN
 
@@ -62,7 +60,7 @@ def stage_table(trials: pd.DataFrame) -> Table:
     for strategy, scenario, size, cell in _cells(trials):
         unfinished = int((cell["status"] != "explored").sum())
         row = (shown_name(strategy), scenario, f"{size:g}", str(cell["trial"].nunique()), str(unfinished))
-        rows.append((*row, *(_mean(cell, name) for name in SHOWN_METRICS)))
+        rows.append((*row, *(mean_text(cell, name) for name in SHOWN_METRICS)))
         scopes.append(Scope((strategy,), size))
     return Table("Strategies in lidar worlds", header, tuple(rows), NOTE, tuple(scopes))
 
@@ -94,8 +92,3 @@ def _cells(trials: pd.DataFrame) -> list[tuple[str, str, float, pd.DataFrame]]:
         for (strategy, size), cell in groups_of(trials)
         for scenario, own in cell.groupby("scenario")
     ]
-
-
-def _mean(cell: pd.DataFrame, metric: str) -> str:
-    values = np.array(list(by_world(cell, metric).values()))
-    return interval_text(mean_interval(values)) if np.isfinite(values).all() else "–"

@@ -20,11 +20,10 @@ from matplotlib.ticker import LogLocator
 from explore_bench.analysis.claims import CONTRADICTED, SUPPORTED, Claim, Finding, metric_of
 from explore_bench.analysis.metrics import REGRETS, all_metrics
 from explore_bench.analysis.ranking import Place, Standing, places_of, ranking_metrics, standings
-from explore_bench.analysis.statistics import mean_interval
 from explore_bench.analysis.tables import by_world, own_metrics
 from explore_bench.analysis.times import every_decision_ms
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
-from explore_bench.report.tables import Scope, Table, heading, interval_text, shown_name
+from explore_bench.report.tables import Scope, Table, heading, mean_text, shown_name
 from explore_bench.runs.suites import FAMILIES
 from explore_bench.strategies.registry import in_order
 
@@ -112,8 +111,8 @@ def field_table(trials: pd.DataFrame, times: pd.DataFrame | None) -> Table:
             row = [shown_name(name), *([scenario] if several else []), f"{size:g}"]
             row += [str(cell["trial"].nunique()), str(len(cell) - counts.get("explored", 0))]
             row.append(f"{100 * counts.get('stuck', 0) / len(cell):.1f}")
-            row += [_mean(cell, metric) for metric in metrics] + ([] if lidar else [_regret(cell)])
-            row += [_mean(cell, metric) for metric in FURTHER_METRICS] + _decisions(cell, times)
+            row += [mean_text(cell, metric) for metric in metrics] + ([] if lidar else [_regret(cell)])
+            row += [mean_text(cell, metric) for metric in FURTHER_METRICS] + _decisions(cell, times)
             rows.append(tuple(row))
             scopes.append(Scope((name,), size))
     note = NOTE + ("" if lidar else REGRET_NOTE)
@@ -122,13 +121,6 @@ def field_table(trials: pd.DataFrame, times: pd.DataFrame | None) -> Table:
 
 def _ranking(trials: pd.DataFrame) -> list[Standing]:
     return standings(trials, {name for name in dict.fromkeys(trials["strategy"]) if entry_of(name).reference})
-
-
-def _mean(cell: pd.DataFrame, metric: str) -> str:
-    """Mean over worlds with its interval; a dash where a trial lacks the metric or a reference did not plan for it."""
-    values = np.array(list(by_world(cell, metric).values()))
-    fills = entry_of(str(cell["strategy"].iloc[0])).fills(metric)
-    return interval_text(mean_interval(values)) if fills and np.isfinite(values).all() else "–"
 
 
 def _regret(cell: pd.DataFrame) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,12 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
 from explore_bench.analysis.metrics import METRICS
-from explore_bench.analysis.statistics import mean_interval
-from explore_bench.analysis.tables import by_world
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.report.drawing import entry_of, save_all, styled
 from explore_bench.report.scene import squares
-from explore_bench.report.tables import PAPER_METRICS, Table, heading, interval_text, shown_name
+from explore_bench.report.tables import PAPER_METRICS, Table, heading, mean_text, shown_name
 from explore_bench.strategies.registry import in_order
 
 SHOWN_METRICS = (*PAPER_METRICS, "t90", "explored")
@@ -39,10 +36,10 @@ def maps_table(trials: pd.DataFrame) -> Table:
     maps = sorted(set(trials["scenario"]))
     cells = {(str(name), str(own)): cell for (name, own), cell in trials.groupby(["strategy", "scenario"])}
     rows = []
-    for name in in_order({strategy for strategy, _ in cells}):
-        own = [cells.get((name, one)) for one in maps]
-        label = shown_name(name)
-        rows += [(label, heading(METRICS[metric]), *(_mean(cell, metric) for cell in own)) for metric in SHOWN_METRICS]
+    for strategy in in_order({strategy for strategy, _ in cells}):
+        own = [cells.get((strategy, one), trials[:0]) for one in maps]
+        label = shown_name(strategy)
+        rows += [(label, heading(METRICS[name]), *(mean_text(cell, name) for cell in own)) for name in SHOWN_METRICS]
         rows.append((label, "trials not explored", *map(_unfinished, own)))
     note = (
         "Mean over worlds of a map, which differ in landmarks and start [95 % BCa bootstrap interval], training seeds "
@@ -52,13 +49,8 @@ def maps_table(trials: pd.DataFrame) -> Table:
     return Table("Strategies in given maps", ("Method", "", *maps), tuple(rows), note)
 
 
-def _mean(cell: pd.DataFrame | None, metric: str) -> str:
-    values = np.array([] if cell is None else list(by_world(cell, metric).values()))
-    return interval_text(mean_interval(values)) if len(values) and np.isfinite(values).all() else "–"
-
-
-def _unfinished(cell: pd.DataFrame | None) -> str:
-    return "–" if cell is None else f"{int((cell['status'] != 'explored').sum())} of {len(cell)}"
+def _unfinished(cell: pd.DataFrame) -> str:
+    return "–" if cell.empty else f"{int((cell['status'] != 'explored').sum())} of {len(cell)}"
 
 
 def maps_figure(records: Sequence[TrialRecord]) -> Figure | None:

@@ -13,9 +13,16 @@ from matplotlib.figure import Figure
 from explore_bench.analysis.metrics import METRICS
 from explore_bench.analysis.ranking import COMPARED
 from explore_bench.analysis.statistics import mean_interval, ratio_interval
-from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
-from explore_bench.report.tables import PAPER_METRICS, Table, groups_of, heading, interval_text, shown_name
+from explore_bench.report.tables import (
+    PAPER_METRICS,
+    Table,
+    groups_of,
+    heading,
+    interval_text,
+    shown_by_world,
+    shown_name,
+)
 from explore_bench.runs.suites import ROBUSTNESS
 from explore_bench.world.scenarios import PAPER
 
@@ -44,7 +51,7 @@ def sensitivity_table(trials: pd.DataFrame) -> Table:
         own = {str(name): part for name, part in cell.groupby("scenario")}
         place = shown_name(strategy), f"{size:g}"
         for metric in PAPER_METRICS:
-            values = {name: by_world(own[name], metric) for name in own}
+            values = {name: shown_by_world(own[name], metric) for name in own}
             rows.append((*place, heading(METRICS[metric]), *_row(values, changed)))
         unfinished = [_unfinished(own.get(name)) for name in (UNCHANGED, *changed)]
         rows.append((*place, "trials not explored", *unfinished))
@@ -89,7 +96,11 @@ def sensitivity_figure(trials: pd.DataFrame) -> Figure | None:
     }
     ran = set(trials["scenario"])
     shown = {constant: own for constant, own in axis.items() if len(ran & own.keys()) > 1}
-    groups = [(name, cell) for (name, _), cell in groups_of(trials) if COMPARED in entry_of(name).tables]
+    groups = [
+        (name, cell)
+        for (name, _), cell in groups_of(trials)
+        if COMPARED in entry_of(name).tables and any(map(entry_of(name).fills, PAPER_METRICS))
+    ]
     if not shown or not groups:
         return None
     figure, grid = plt.subplots(
@@ -98,8 +109,8 @@ def sensitivity_figure(trials: pd.DataFrame) -> Figure | None:
     for column, (constant, places) in enumerate(shown.items()):
         for row, metric in enumerate(PAPER_METRICS):
             for name, cell in groups:
-                own = {str(scenario): by_world(part, metric) for scenario, part in cell.groupby("scenario")}
-                points = sorted((places[where], np.mean([*own[where].values()])) for where in places if where in own)
+                own = {str(scenario): shown_by_world(part, metric) for scenario, part in cell.groupby("scenario")}
+                points = sorted((places[where], np.mean([*own[where].values()])) for where in places if own.get(where))
                 style = "--" if entry_of(name).reference else "-"
                 x, y = zip(*points, strict=True) if points else ((), ())
                 grid[row, column].plot(
