@@ -54,6 +54,8 @@ def test_references_come_last_and_fill_what_they_plan_for_alone():
     )
     ranking = standings(trials, {"clairvoyant-accurate", "clairvoyant"})
     assert names(ranking) == ["random", "clairvoyant-accurate"], "the other plans for neither e nor η"
+    unknown = trials.replace({"strategy": {"clairvoyant-accurate": "oracle"}})
+    assert names(standings(unknown, {"oracle", "clairvoyant"})) == ["random"], "nobody knows what it planned for"
 
 
 def test_one_that_lacks_a_size_comes_after_those_that_lack_none():

@@ -151,6 +151,24 @@ def test_a_metric_that_is_not_defined_is_left_out_by_name(folders):
     assert found.left_out == ("nearest, 20 m: t90 is not defined for every trial",)
 
 
+def test_a_reference_is_compared_in_what_it_plans_for_alone(folders):
+    own = [row for name in ("nearest", "clairvoyant", "clairvoyant-accurate") for row in rows([1.0, 1.2], name)]
+    found = compare_folders(*folders(own, own))
+    compared = {
+        name: [d.metric for d in found.differences if d.strategy == name] for name in {r["strategy"] for r in own}
+    }
+    assert compared == {
+        "nearest": list(COMPARED_METRICS),
+        "clairvoyant": ["t90"],
+        "clairvoyant-accurate": ["trajectory_error", "exploration_efficiency"],
+    }
+    assert found.left_out == (
+        "clairvoyant, 20 m: trajectory_error is none that this reference plans for",
+        "clairvoyant, 20 m: exploration_efficiency is none that this reference plans for",
+        "clairvoyant-accurate, 20 m: t90 is none that this reference plans for",
+    )
+
+
 def test_folders_without_a_common_world_or_without_trials_are_refused(folders, tmp_path):
     a, b = folders(rows([1.0]), rows([1.0], "random"))
     with pytest.raises(RequestError, match="no world in common"):

@@ -37,6 +37,10 @@ def test_a_family_is_read_in_its_order(load):
     assert (second.sign, second.place, second.scenario) == (-1.0, "Mine, 20 m, wide", "wide")
 
 
+def test_a_reference_is_gated_in_what_it_plans_for(load):
+    assert load(entry(strategy='"clairvoyant-accurate"'))[0].strategy == "clairvoyant-accurate"
+
+
 def test_whole_numbers_are_sizes_too(load):
     assert load(entry(size="30"))[0].size == 30.0
 
@@ -48,6 +52,7 @@ def test_whole_numbers_are_sizes_too(load):
         ({"metric": '"decision_ms"'}, "metric 'decision_ms' is a time, .* never gated; drop it"),
         ({"metric": '"seconds"'}, "metric 'seconds' is a time"),
         ({"metric": '"decisions"'}, "metric 'decisions' is better in no direction; gate one of trajectory_error"),
+        ({"strategy": '"clairvoyant"'}, "'trajectory_error' is none that the reference 'clairvoyant' plans for; gate"),
         ({"direction": '"higher"'}, "direction of trajectory_error is 'higher', but by its definition lower"),
         ({"direction": '"up"'}, "threshold 1: direction is 'up'; input should be 'lower' or 'higher'"),
         ({"tolerance": "5"}, "threshold 1: tolerance is 5; .*less than 1, a share such as 0.05"),
