@@ -145,7 +145,7 @@ def _listed(seeds: tuple[int, ...]) -> str:
 
 def _place(cell: Any) -> str:
     strategy, size, scenario, *_ = cell
-    return f"{strategy}, {size:g} m" + (f", {scenario}" if scenario != "paper" else "")
+    return f"{strategy}, {size:g} m, {scenario}"
 
 
 def _difference(cell: Any, metric: str, pair: Paired) -> Difference:

@@ -19,7 +19,7 @@ from explore_bench.report.agreement import agreement_tables
 from explore_bench.report.drawing import entry_of, save_all, showing, styled
 from explore_bench.report.figures import write_figures
 from explore_bench.report.html import Content, write_page
-from explore_bench.report.pages.claims import claims_section, examined, overview, tried, write_claims
+from explore_bench.report.pages.claims import claims_section, examined, overview, tried, verdicts, write_claims
 from explore_bench.report.pages.field import field_tables, write_field_figures
 from explore_bench.report.pages.maps import maps_figure, write_map_report
 from explore_bench.report.pages.sensitivity import write_sensitivity
@@ -101,7 +101,7 @@ def _write_all(
     claims = {"claims": overview(found)} if found else {}
     if trials["scenario"].nunique() == 1:
         only = str(trials["scenario"].iloc[0])
-        tables, claims = ({key: table.naming(only) for key, table in made.items()} for made in (tables, claims))
+        tables = {key: table.naming(only) for key, table in tables.items()}
     earlier = {"claims", "field", "means", *PAPER_TABLES} - tables.keys() - claims.keys()
     for other in earlier:  # of a report of other trials
         for suffix in SUFFIXES:
@@ -112,8 +112,8 @@ def _write_all(
     files += write_training_figures(folder / "figures", set(trials["strategy"])) if of_paper(trials) else []
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
-    verdicts = overview(tried(found, trials)).rows
-    page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale, verdicts)
+    said = verdicts(tried(found, trials))
+    page = Content(store, records, trials, tuple(tables.values()), svgs, sections, stale, said)
     return [*files, write_page(page, folder / "report.html")]
 
 

@@ -94,10 +94,10 @@ def test_only_the_same_worlds_are_compared_and_the_others_are_counted(folders):
     found = compare_folders(*folders(a, b))
     assert {(d.strategy, d.n) for d in found.differences} == {("nearest", 4)}
     assert found.left_out == (
-        "nearest, 20 m: 2 worlds only in A",
-        "random, 20 m: 2 worlds only in A",
-        "entropy, 20 m: 3 worlds only in B",
-        "nearest, 20 m: 2 worlds only in B",
+        "nearest, 20 m, paper: 2 worlds only in A",
+        "random, 20 m, paper: 2 worlds only in A",
+        "entropy, 20 m, paper: 3 worlds only in B",
+        "nearest, 20 m, paper: 2 worlds only in B",
     )
 
 
@@ -112,7 +112,7 @@ def test_training_seeds_are_averaged_within_a_world_first(folders):
     found = compare_folders(*folders(rows([1.0] * 3, seed=0) + rows([3.0] * 3, seed=1), rows([2.5] * 3, seed=0)))
     assert found.differences[0].means == (2.0, 2.5)
     assert found.differences[0].n == 3
-    assert found.left_out == ("nearest, 20 m: training seeds 0, 1 in A, 0 in B; each is averaged over its own",)
+    assert found.left_out == ("nearest, 20 m, paper: training seeds 0, 1 in A, 0 in B; each is averaged over its own",)
 
 
 def test_the_same_weights_are_compared_seed_by_seed(folders):
@@ -129,7 +129,7 @@ def test_worlds_that_not_every_training_seed_tried_are_said(folders):
     full = rows([1.0] * 6, seed=0) + rows([1.0] * 6, seed=1)
     found = compare_folders(*folders(full, full[:6] + full[6:9]))
     assert {d.n for d in found.differences} == {3}
-    assert "nearest, 20 m: 3 worlds that not every training seed tried" in found.left_out
+    assert "nearest, 20 m, paper: 3 worlds that not every training seed tried" in found.left_out
 
 
 def test_seeds_without_a_common_world_are_said(folders):
@@ -140,7 +140,7 @@ def test_seeds_without_a_common_world_are_said(folders):
 
 def test_as_many_but_other_training_seeds_are_said(folders):
     found = compare_folders(*folders(rows([1.0] * 3, seed=0), rows([2.5] * 3, seed=1)))
-    assert found.left_out == ("nearest, 20 m: training seeds 0 in A, 1 in B; each is averaged over its own",)
+    assert found.left_out == ("nearest, 20 m, paper: training seeds 0 in A, 1 in B; each is averaged over its own",)
 
 
 def test_a_metric_that_is_not_defined_is_left_out_by_name(folders):
@@ -148,7 +148,7 @@ def test_a_metric_that_is_not_defined_is_left_out_by_name(folders):
     b[0]["t90"] = math.nan
     found = compare_folders(*folders(a, b))
     assert {d.metric for d in found.differences} == set(COMPARED_METRICS) - {"t90"}
-    assert found.left_out == ("nearest, 20 m: t90 is not defined for every trial",)
+    assert found.left_out == ("nearest, 20 m, paper: t90 is not defined for every trial",)
 
 
 def test_a_reference_is_compared_in_what_it_plans_for_alone(folders):
@@ -163,9 +163,9 @@ def test_a_reference_is_compared_in_what_it_plans_for_alone(folders):
         "clairvoyant-accurate": ["trajectory_error", "exploration_efficiency"],
     }
     assert found.left_out == (
-        "clairvoyant, 20 m: trajectory_error is none that this reference plans for",
-        "clairvoyant, 20 m: exploration_efficiency is none that this reference plans for",
-        "clairvoyant-accurate, 20 m: t90 is none that this reference plans for",
+        "clairvoyant, 20 m, paper: trajectory_error is none that this reference plans for",
+        "clairvoyant, 20 m, paper: exploration_efficiency is none that this reference plans for",
+        "clairvoyant-accurate, 20 m, paper: t90 is none that this reference plans for",
     )
 
 
@@ -192,10 +192,11 @@ def test_a_folder_whose_table_is_empty_or_damaged_is_refused_by_name(folders, tm
 def test_the_table_and_the_json_say_the_same(folders):
     found = compare_folders(*folders(rows(1.0 + NOISE), rows(1.2 + NOISE) + rows([1.0], first=50)))
     table = comparison_table(found)
-    assert table.rows[0][:4] == ("Nearest", "20", "e [m]", "50")
+    assert table.rows[0][:4] == ("Nearest", "20, paper", "e [m]", "50")
+    assert table.header[1] == "size [m], scenario"
     assert table.rows[0][6].startswith("0.200 [")
     assert table.rows[0][-1] == "worse"
-    assert "- nearest, 20 m: 1 world only in B" in table.note
+    assert "- nearest, 20 m, paper: 1 world only in B" in table.note
     values = json.loads(json.dumps(found.values(), allow_nan=False))
     assert values["differences"][0]["difference"]["mean"] == pytest.approx(0.2)
     assert values["left_out"] == list(found.left_out)

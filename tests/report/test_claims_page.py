@@ -18,6 +18,7 @@ from explore_bench.report.pages.claims import (
     overview,
     sentence,
     tried,
+    verdicts,
     write_claims,
 )
 from explore_bench.report.tables import p_text
@@ -167,6 +168,22 @@ def test_a_claim_is_examined_where_the_trials_are_of_its_scenario(trials, monkey
     assert list(examined(trials)) == [CLAIM]
     assert list(examined(trials.assign(scenario="stage"))) == [own]
     assert verdict(examined(trials.assign(scenario="stage"))[own]) == "supported"
+
+
+def test_every_table_of_the_claims_names_the_scenario_of_its_claim(trials, monkeypatch, tmp_path):
+    own = dataclasses.replace(CLAIM, name="y", scenario="stage")
+    monkeypatch.setattr("explore_bench.analysis.claims.claims", lambda: (CLAIM, own))
+    found = examined(pd.concat((trials, trials.assign(scenario="stage"))))
+    section = claims_section(found)
+    for tables, scenario in ((section.tables[1:3], "paper"), (section.tables[3:], "stage")):
+        assert [table.note for table in tables] == [f"Scenario: {scenario}."] * 2
+    assert section.tables[0].header == ("claim", "scenario", "statement", "verdict", "comparisons")
+    assert [row[:2] for row in section.tables[0].rows] == [("x", "paper"), ("y", "stage")]
+    assert verdicts(found) == tuple((row[0], *row[2:]) for row in section.tables[0].rows)
+    one = examined(trials)
+    assert (overview(one).note, overview(one).rows) == ("Scenario: paper.", verdicts(one))
+    page = write_claims(found, tmp_path)[0].read_text(encoding="utf-8")
+    assert (page.count("\nScenario: paper.\n"), page.count("\nScenario: stage.\n")) == (1, 1)
 
 
 def test_a_page_does_not_begin_with_claims_about_strategies_that_did_not_run(trials):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
+from explore_bench.analysis.claims import Claim, Comparison
 from explore_bench.errors import RequestError
 from explore_bench.geometry import Grid, compose
 from explore_bench.records.store import Store
@@ -355,21 +356,31 @@ def test_a_trial_is_stored_with_a_pose_for_every_row():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A results folder of three short trials, reported."""
+    """A results folder of three short trials, reported, with two claims about their scenario."""
     folder = tmp_path_factory.mktemp("chen2020")
     run("table2", ["nearest"], trials=3, scenario="chen2020", results=folder, workers=1)
-    write_report(folder)
+    of_nearest = [Comparison("nearest", other, "trajectory_error", 40.0) for other in ("random", "entropy")]
+    own = tuple(Claim(one.worse, "Nearest is better.", (one,), scenario="chen2020") for one in of_nearest)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("explore_bench.analysis.claims.claims", lambda: own)
+        write_report(folder)
     return folder
 
 
 def test_every_table_names_the_scenario_and_none_has_a_number_of_the_paper(folder):
     tables = sorted((folder / "tables").glob("*.md"))
-    assert {"means", "details", "paired"} <= {table.stem for table in tables}
+    assert {"means", "details", "paired", "claims"} <= {table.stem for table in tables}
     for table in tables:
         text = table.read_text()
         assert "Scenario: chen2020." in text, table.name
         assert "paper" not in text, table.name
     assert not {"constants", "table2", "table3"} & {table.stem for table in tables}
+    claims = (folder / "claims.md").read_text()
+    assert claims.count("\n| --- |") == claims.count("\nScenario: chen2020.\n") == 3, "all claims, and each by itself"
+    section = (folder / "report.html").read_text().split('<section id="section-1">')[1].split("</section>")[0]
+    notes = section.count('<p class="note">Scenario: chen2020.')
+    assert notes == section.count('<figure class="table">') == 5, "and in words"
+    assert "paper" not in section
 
 
 def test_a_replay_begins_at_the_corner_of_the_margin(folder):

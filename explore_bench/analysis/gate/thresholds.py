@@ -50,8 +50,8 @@ class Threshold(BaseModel):
 
     @property
     def place(self) -> str:
-        """Strategy and size in words."""
-        return f"{self.strategy}, {self.size:g} m" + (f", {self.scenario}" if self.scenario != "paper" else "")
+        """Strategy, size and scenario in words."""
+        return f"{self.strategy}, {self.size:g} m, {self.scenario}"
 
 
 class _File(BaseModel):

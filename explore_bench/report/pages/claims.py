@@ -104,9 +104,18 @@ def tried(found: dict[Claim, list[Finding]], trials: pd.DataFrame) -> dict[Claim
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:
-    """One line a claim."""
-    rows = [(claim.name, claim.statement, verdict(own), summary(own)) for claim, own in found.items()]
-    return Table("Claims and verdicts", ("claim", "statement", "verdict", "comparisons"), tuple(rows))
+    """One line a claim; a column names the scenario of each where they are of several."""
+    title, header, rows = "Claims and verdicts", ("claim", "statement", "verdict", "comparisons"), verdicts(found)
+    scenarios = [claim.scenario for claim in found]
+    if len(set(scenarios)) == 1:
+        return Table(title, header, rows).naming(scenarios[0])
+    named = ((name, scenario, *rest) for (name, *rest), scenario in zip(rows, scenarios, strict=True))
+    return Table(title, (header[0], "scenario", *header[1:]), tuple(named))
+
+
+def verdicts(found: dict[Claim, list[Finding]]) -> tuple[tuple[str, str, str, str], ...]:
+    """Name, statement, verdict and comparisons of every claim."""
+    return tuple((claim.name, claim.statement, verdict(own), summary(own)) for claim, own in found.items())
 
 
 def summary(findings: list[Finding]) -> str:
@@ -119,14 +128,15 @@ def summary(findings: list[Finding]) -> str:
 def words_table(claim: Claim, findings: list[Finding]) -> Table:
     """Every comparison of a claim as a sentence."""
     rows = tuple((finding.verdict, sentence(finding)) for finding in findings)
-    return Table(f"Claim ({claim.name}) in words", ("verdict", "comparison"), rows)
+    return Table(f"Claim ({claim.name}) in words", ("verdict", "comparison"), rows).naming(claim.scenario)
 
 
 def comparison_table(claim: Claim, findings: list[Finding]) -> Table:
     """Every comparison of a claim with its numbers."""
     asked = [finding.comparison for finding in findings]
     scopes = tuple(Scope((own.better, own.worse), own.size) for own in asked)
-    return Table(f"Claim ({claim.name}): {claim.statement}", HEADER, tuple(map(_row, findings)), scopes=scopes)
+    table = Table(f"Claim ({claim.name}): {claim.statement}", HEADER, tuple(map(_row, findings)), scopes=scopes)
+    return table.naming(claim.scenario)
 
 
 def _row(finding: Finding) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from explore_bench.report.drawing import entry_of
 from explore_bench.report.tables import Table, heading, number_text, p_text
 
 HEADER = (
-    *("Method", "size [m]", "metric", "n", "reference", "now", "worse by", "tolerated", "p, Holm"),
+    *("Method", "size [m], scenario", "metric", "n", "reference", "now", "worse by", "tolerated", "p, Holm"),
     *("not explored", f"power, {100 * STATED_LOSS:g} %", "verdict"),
 )
 NOTE = (
@@ -74,7 +74,7 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
     bounds = f"{_percent(decision.loss)} [{_percent(decision.at_least)}, {_percent(decision.at_most)}] %"
     return (
         entry_of(one.strategy).label,
-        f"{one.size:g}" + (f", {one.scenario}" if one.scenario != "paper" else ""),
+        f"{one.size:g}, {one.scenario}",
         heading(METRICS[one.metric]),
         str(len(pair.before)),
         number_text(mean, mean),

@@ -10,7 +10,7 @@ from explore_bench.report.tables import Table, heading, interval_text, number_te
 
 def comparison_table(found: FolderComparison) -> Table:
     """Every strategy, size and metric of two folders, B against A."""
-    header = ("Method", "size [m]", "metric", "n", "A", "B", "B − A", "p, Holm", "d_z", "P(B better)", "B is")
+    header = ("Method", "size [m], scenario", "metric", "n", "A", "B", "B − A", "p, Holm", "d_z", "P(B better)", "B is")
     note = (
         "Means over the n worlds that every training seed of both folders tried; B − A paired by world [95 % BCa "
         "bootstrap interval]; two-sided permutation test, Holm's correction over the whole table; d_z positive where B "
@@ -24,7 +24,7 @@ def comparison_table(found: FolderComparison) -> Table:
 def _row(own: Difference) -> tuple[str, ...]:
     return (
         entry_of(own.strategy).label,
-        f"{own.size:g}" + (f", {own.scenario}" if own.scenario != "paper" else ""),
+        f"{own.size:g}, {own.scenario}",
         heading(METRICS[own.metric]),
         str(own.n),
         *(number_text(mean, mean) for mean in own.means),

@@ -95,10 +95,13 @@ def test_a_folder_all_of_whose_records_are_of_older_code_has_no_trials(own_store
     ("rows", "words"),
     [
         (trial_rows([1.0, 2.0], strategy="Mien"), r"results': strategy 'Mine' is unknown; did you mean 'Mien'"),
-        (trial_rows([1.0, 2.0], size=30.0), "has 0 worlds of Mine, 20 m, and a gate needs 2 for bounds that hold; run"),
-        (trial_rows([1.0]), "has 1 world of Mine, 20 m"),
-        (trial_rows([1.0, math.nan]), "trajectory_error of Mine, 20 m is not defined in every trial"),
-        (trial_rows([0.0, 0.0]), "trajectory_error of Mine, 20 m is 0, so a loss is no share of it"),
+        (
+            trial_rows([1.0, 2.0], size=30.0),
+            "has 0 worlds of Mine, 20 m, paper, and a gate needs 2 for bounds that hold; run",
+        ),
+        (trial_rows([1.0]), "has 1 world of Mine, 20 m, paper"),
+        (trial_rows([1.0, math.nan]), "trajectory_error of Mine, 20 m, paper is not defined in every trial"),
+        (trial_rows([0.0, 0.0]), "trajectory_error of Mine, 20 m, paper is 0, so a loss is no share of it"),
         (trial_rows([1.0, 2.0])[:0], "results' holds no trial; run"),
         (trial_rows(["a", "b"]), "something else than numbers in 'trajectory_error'"),
         (pd.concat([trial_rows([1.0, 2.0])] * 2), "has trial 0 of 'Mine' twice"),
@@ -117,7 +120,7 @@ def test_results_that_cannot_be_a_reference_are_refused_and_the_old_one_stays(re
 
 def test_nineteen_worlds_make_no_gate(results, reference, monkeypatch):
     monkeypatch.undo()
-    with pytest.raises(RequestError, match="has 19 worlds of Mine, 20 m, and a gate needs 20"):
+    with pytest.raises(RequestError, match="has 19 worlds of Mine, 20 m, paper, and a gate needs 20"):
         accept(reference, results(trial_rows([1.0] * 19)), "why")
     assert accept(reference, results(trial_rows([1.0] * 20)), "why") == 20
     trials = (reference / TRIALS_FILE).read_text().splitlines()
@@ -128,7 +131,7 @@ def test_nineteen_worlds_make_no_gate(results, reference, monkeypatch):
 
 def test_a_reference_is_not_shrunk_by_accident(results, reference):
     accept(reference, results(trial_rows([1.0] * 5)), "why")
-    with pytest.raises(RequestError, match=r"have 4 worlds of Mine, 20 m, the reference 5; run .* or delete"):
+    with pytest.raises(RequestError, match=r"have 4 worlds of Mine, 20 m, paper, the reference 5; run .* or delete"):
         accept(reference, results(trial_rows([1.0] * 4)), "why")
     (reference / TRIALS_FILE).unlink()
     assert accept(reference, results(trial_rows([1.0] * 4)), "why") == 4

@@ -280,12 +280,15 @@ def test_the_table_says_what_to_do_about_every_verdict(real):
     table = gate_table(judge(family, reference, real("random")), Path("my results"), Path("ref"))
     assert table.title == "Gate: missing (1 of 2 pairs)"
     assert [row[-1] for row in table.rows] == ["regressed", "missing"]
-    assert "- Mine, 30 m: 2 of its 2 trials were not run" in table.note
+    assert "- Mine, 30 m, paper: 2 of its 2 trials were not run" in table.note
     assert "`explore-bench run smoke -s Mine --size 30 --trials 2 --results 'my results'`" in table.note
+    assert table.header[1] == "size [m], scenario"
+    assert [row[1] for row in table.rows] == ["20, paper", "30, paper"]
     lidar = [threshold(scenario="stage")]
     absent = gate_table(judge(lidar, real("random").assign(scenario="stage"), real("random")), Path("a"), Path("b"))
     assert "`explore-bench run smoke -s Mine --size 20 --scenario stage --trials 50 --results a`" in absent.note
-    assert "- Mine, 20 m, exploration_efficiency: it is all there is" in table.note
+    assert [row[1] for row in absent.rows] == ["20, stage"]
+    assert "- Mine, 20 m, paper, exploration_efficiency: it is all there is" in table.note
     assert "`explore-bench gate --results 'my results' --reference ref --accept --reason TEXT`" in table.note
     better = gate_table(judge([threshold()], real("random"), real("uncertainty")), Path("a"), Path("b"))
     assert "accept what is better" in better.note

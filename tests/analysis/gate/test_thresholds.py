@@ -33,7 +33,7 @@ def load(tmp_path):
 def test_a_family_is_read_in_its_order(load):
     first, second = load(entry() + entry(metric='"exploration_efficiency"', direction='"higher"', scenario='"wide"'))
     assert (first.metric, first.strategy, first.size, first.tolerance) == ("trajectory_error", "Mine", 20.0, 0.05)
-    assert (first.sign, first.place) == (1.0, "Mine, 20 m")
+    assert (first.sign, first.place) == (1.0, "Mine, 20 m, paper")
     assert (second.sign, second.place, second.scenario) == (-1.0, "Mine, 20 m, wide", "wide")
 
 
@@ -52,7 +52,10 @@ def test_whole_numbers_are_sizes_too(load):
         ({"metric": '"decision_ms"'}, "metric 'decision_ms' is a time, .* never gated; drop it"),
         ({"metric": '"seconds"'}, "metric 'seconds' is a time"),
         ({"metric": '"decisions"'}, "metric 'decisions' is better in no direction; gate one of trajectory_error"),
-        ({"strategy": '"clairvoyant"'}, "'trajectory_error' is none that the reference 'clairvoyant' plans for; gate"),
+        (
+            {"strategy": '"clairvoyant"'},
+            "metric 'trajectory_error' is none that the reference 'clairvoyant' plans for; gate",
+        ),
         ({"direction": '"higher"'}, "direction of trajectory_error is 'higher', but by its definition lower"),
         ({"direction": '"up"'}, "threshold 1: direction is 'up'; input should be 'lower' or 'higher'"),
         ({"tolerance": "5"}, "threshold 1: tolerance is 5; .*less than 1, a share such as 0.05"),
