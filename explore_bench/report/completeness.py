@@ -29,7 +29,8 @@ def endings_table(records: Sequence[TrialRecord]) -> Table:
         rows.append((*row, record.status.replace("_", " "), steps, known, record.reason or "–"))
         scopes.append(Scope((spec.strategy,), spec.scenario.size))
     title = f"{len(own)} of {len(records)} trials did not explore their map"
-    return Table(title, header, tuple(rows), scopes=tuple(scopes))
+    table = Table(title, header, tuple(rows), scopes=tuple(scopes))
+    return table.naming_each([record.spec.scenario_name for record in own])
 
 
 def gaps(trials: pd.DataFrame, stale: int = 0) -> list[str]:

@@ -89,6 +89,14 @@ class Table:
         """Copy whose note names the scenario of all its trials."""
         return replace(self, note=f"Scenario: {scenario}. {self.note}".strip())
 
+    def naming_each(self, scenarios: Sequence[str]) -> Table:
+        """Copy that names the scenario of every row: in the note where all are of one, else in a second column."""
+        if len(set(scenarios)) <= 1:
+            return self.naming(scenarios[0]) if scenarios else self
+        rows = tuple((row[0], own, *row[1:]) for row, own in zip(self.rows, scenarios, strict=True))
+        columns = (*self.columns[:1], Scope(), *self.columns[1:]) if self.columns else ()
+        return replace(self, header=(self.header[0], "scenario", *self.header[1:]), rows=rows, columns=columns)
+
     def markdown(self) -> str:
         """Return the table as GitHub Markdown."""
         lines = [f"**{self.title}**", "", _pipes(self.header), _pipes(["---"] * len(self.header))]

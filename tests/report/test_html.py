@@ -381,6 +381,11 @@ def test_every_trial_that_did_not_explore_has_a_row_with_its_reason():
         ("2", "–", "step limit", "1", "25.0", "–"),
     ]
     assert table.scopes[0] == Scope(("nearest",), 12.0)
+    assert (table.note, len(table.header)) == ("Scenario: paper.", len(table.rows[0]))
+    records[1] = with_spec(records[1], scenario_name="stage")
+    named = endings_table(records)
+    assert named.header[:3] == ("Method", "scenario", "size [m]")
+    assert [row[1] for row in named.rows] == ["stage", "paper"]
 
 
 # Where the numbers come from

@@ -17,6 +17,7 @@ from explore_bench.report.drawing import showing
 from explore_bench.report.tables import (
     PAPER_TABLES,
     STATUSES,
+    Scope,
     Table,
     details_table,
     escape,
@@ -355,6 +356,17 @@ def test_markdown_is_a_table_with_title_and_note():
         "",
         "σ₀² note",
     ]
+
+
+def test_the_scenario_of_every_row_is_named_once_where_it_is_one_else_in_a_column():
+    one, several = PLAIN.naming_each(["paper", "paper"]), PLAIN.naming_each(["paper", "stage"])
+    assert one == PLAIN.naming("paper") and one.note == "Scenario: paper. σ₀² note"
+    assert several.header == ("Method", "scenario", "η [m²/step]")
+    assert [row[:2] for row in several.rows] == [("GCN-no_obs", "paper"), ("a | b", "stage")]
+    scoped = dataclasses.replace(PLAIN, columns=(Scope(), Scope(size=20.0))).naming_each(["paper", "stage"])
+    assert scoped.columns == (Scope(), Scope(), Scope(size=20.0))
+    nothing = dataclasses.replace(PLAIN, rows=())
+    assert nothing.naming_each([]) == nothing
 
 
 def test_csv_can_be_read_back():

@@ -104,13 +104,9 @@ def tried(found: dict[Claim, list[Finding]], trials: pd.DataFrame) -> dict[Claim
 
 
 def overview(found: dict[Claim, list[Finding]]) -> Table:
-    """One line a claim; a column names the scenario of each where they are of several."""
-    title, header, rows = "Claims and verdicts", ("claim", "statement", "verdict", "comparisons"), verdicts(found)
-    scenarios = [claim.scenario for claim in found]
-    if len(set(scenarios)) == 1:
-        return Table(title, header, rows).naming(scenarios[0])
-    named = ((name, scenario, *rest) for (name, *rest), scenario in zip(rows, scenarios, strict=True))
-    return Table(title, (header[0], "scenario", *header[1:]), tuple(named))
+    """One line a claim."""
+    table = Table("Claims and verdicts", ("claim", "statement", "verdict", "comparisons"), verdicts(found))
+    return table.naming_each([claim.scenario for claim in found])
 
 
 def verdicts(found: dict[Claim, list[Finding]]) -> tuple[tuple[str, str, str, str], ...]:
