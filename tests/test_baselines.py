@@ -318,6 +318,9 @@ def test_the_constants_of_the_benchmark_are_the_tuned_ones(name, value):
     sweep = sweep[sweep["strategy"] == name]
     assert len(sweep) >= 8
     assert value == sweep.loc[sweep["objective"].idxmin(), "value"]
+    tried = sorted(sweep["value"])
+    at = tried.index(value)
+    assert 0.0 < tried[at - 1] < value < tried[at + 1]  # between two that are worse, neither of them 0
 
 
 def test_the_baselines_themselves_have_no_other_parameters():

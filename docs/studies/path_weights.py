@@ -35,7 +35,7 @@ class Sweep(NamedTuple):
 
 SWEEPS = {
     "uncertainty": Sweep("weight", (0.0, 0.2, 0.4, 0.8, 1.6, 2.4, 3.2, 6.4, 12.8, 25.6)),  # m² per m
-    "entropy": Sweep("weight", (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.6, 3.2)),  # bit per m
+    "entropy": Sweep("weight", (0.0, 0.025, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.6, 3.2)),  # bit per m
     "entropy-per-metre": Sweep("offset", (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0, 20.0)),  # m
 }
 SIZES = (20.0, 30.0, 40.0)
