@@ -15,6 +15,9 @@ from explore_bench.world.signals import Odometry, Sightings
 UNMOVED = 1e-9
 """Change of an estimate [m, rad] that counts as none."""
 
+TORN = 20.0
+"""Standard deviations of its odometry beyond which a step of the estimate is none that a robot took."""
+
 
 class FactorGraph:
     """The SLAM graph and its current estimate.
@@ -38,6 +41,9 @@ class FactorGraph:
         self._noise: dict[tuple[float, float, float], gtsam.noiseModel.Diagonal] = {}
         self._number: dict[int, int] = {}
         self._steps = -1
+        self._reach = 0.0
+        self._settled: tuple[Array, Array] = np.empty((0, 3)), np.empty((0, 2))
+        self._guesses: tuple[list[Pose], list[Array]] = [], []
         self.pose: Pose = start
 
     @property
@@ -67,7 +73,10 @@ class FactorGraph:
             if odometry.sigmas not in self._noise:
                 self._noise[odometry.sigmas] = _sigmas(*odometry.sigmas)
             graph.add(gtsam.BetweenFactorPose2(X(self._steps - 1), key, motion, self._noise[odometry.sigmas]))
+            reach = math.hypot(*odometry.motion[:2]) + TORN * math.hypot(*odometry.sigmas[:2])
+            self._reach = max(self._reach, reach)
         values.insert(key, gtsam.Pose2(*guess))
+        self._guesses[0].append(guess)
         for landmark, bearing, distance in zip(
             sightings.landmarks.tolist(), sightings.bearings.tolist(), sightings.ranges.tolist(), strict=True
         ):
@@ -77,6 +86,7 @@ class FactorGraph:
                 angle = guess[2] + bearing
                 point = np.array([guess[0] + distance * math.cos(angle), guess[1] + distance * math.sin(angle)])
                 values.insert(L(number), point)
+                self._guesses[1].append(point)
             graph.add(gtsam.BearingRangeFactor2D(key, L(number), gtsam.Rot2(bearing), distance, self._sighting))
         solved_anew = self._update(graph, values)
         return odometry is None or len(sightings.landmarks) > 0 or solved_anew or self._has_moved(self._steps - 1)
@@ -118,15 +128,52 @@ class FactorGraph:
         return max(abs(a - b) for a, b in zip(now, self.pose, strict=True)) > UNMOVED
 
     def estimate(self) -> tuple[Array, Array]:
-        """Estimates of all poses, shape (N, 3), and landmarks, shape (M, 2), in order."""
+        """Estimates of all poses, shape (N, 3), and landmarks, shape (M, 2), in order.
+
+        Raises
+        ------
+        RuntimeError : where they do not converge.
+        """
+        poses, landmarks = self._read()
+        if self._is_torn(poses):
+            self._solve_anew()
+            poses, landmarks = self._read()
+            if self._is_torn(poses):
+                raise RuntimeError("the estimate of the trajectory does not converge")
+        self._settled, self._guesses = (poses, landmarks), ([], [])
+        x, y, heading = poses[-1].tolist()
+        self.pose = (x, y, heading)
+        return poses, landmarks
+
+    def _read(self) -> tuple[Array, Array]:
         values = self._isam.calculateEstimate()
         poses = gtsam.utilities.extractPose2(values)
         landmarks = np.empty((len(self._number), 2))
         for number in range(len(landmarks)):  # few: `extractPoint2` goes through all poses again
             landmarks[number] = values.atPoint2(L(number))
-        x, y, heading = poses[-1].tolist()
-        self.pose = (x, y, heading)
         return poses, landmarks
+
+    def _is_torn(self, poses: Array) -> bool:
+        """Whether two poses in a row lie farther apart than any step went."""
+        steps = np.diff(poses[:, :2], axis=0)
+        return bool(len(steps)) and float(np.hypot(steps[:, 0], steps[:, 1]).max()) > self._reach
+
+    def _solve_anew(self) -> None:
+        """Solve the whole graph from the estimates before, and let iSAM2 go on from there.
+
+        A Gauss-Newton step, which is what iSAM2 takes, may go too far where a loop is closed after a long way, and from
+        there on ever farther. Levenberg and Marquardt's is damped; it costs as much as thousands of iSAM2's.
+        """
+        values = gtsam.Values()
+        for step, pose in enumerate([*self._settled[0].tolist(), *self._guesses[0]]):
+            values.insert(X(step), gtsam.Pose2(*pose))
+        for number, point in enumerate([*self._settled[1], *self._guesses[1]]):
+            values.insert(L(number), point)
+        graph, parameters = self._isam.getFactorsUnsafe(), gtsam.LevenbergMarquardtParams()
+        parameters.setLinearSolverType(f"MULTIFRONTAL_{self._parameters.getFactorization()}")
+        found = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters).optimize()
+        self._isam = gtsam.ISAM2(self._parameters)
+        self._update(graph, found)
 
 
 def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:

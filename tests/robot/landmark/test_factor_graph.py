@@ -17,8 +17,10 @@ from slam_reference import (
     values_of,
 )
 
+from explore_bench.geometry import compose
 from explore_bench.robot.landmark.factor_graph import FactorGraph
 from explore_bench.world.scenario import Scenario
+from explore_bench.world.scenarios import PAPER
 from explore_bench.world.signals import Odometry
 
 START = (4.0, 5.0, 2.0)
@@ -208,3 +210,51 @@ def test_a_long_drive_without_a_landmark_is_survived():
             for bearing, distance in zip(seen_from(*pose).bearings, seen_from(*pose).ranges, strict=True):
                 one.add(sighting_factor(scenario, step, 0, bearing, distance))
             alone.update(one, values)
+
+
+def long_loop():
+    """Estimates, at every sighting, of a robot that drives a circle of 280 m and meets its first landmark again."""
+    scenario = PAPER.replace(size=100.0)
+    rng, truth = np.random.default_rng(6), (50.0, 50.0, 0.0)
+    landmarks = np.array([[52.0, 52.0], [70.0, 70.0], [30.0, 75.0]])
+
+    def seen():
+        ways = landmarks - truth[:2]
+        ranges, bearings = np.hypot(*ways.T), np.arctan2(ways[:, 1], ways[:, 0]) - truth[2]
+        found = np.flatnonzero((ranges < 6.0) & (ranges > 0.1))
+        noisy = bearings[found] + rng.normal(0.0, math.radians(0.5), len(found))
+        far = ranges[found] + rng.normal(0.0, 0.02, len(found))
+        return sightings_of(list(zip(found.tolist(), noisy.tolist(), far.tolist(), strict=True)))
+
+    graph = FactorGraph(scenario, truth)
+    graph.add(None, seen())
+    estimates = [graph.estimate()]
+    for command in [(math.tau / 400, 0.0), (0.0, 0.7)] * 400:
+        odometry = scenario.noise.odometry(command)
+        truth = compose(truth, tuple(np.array(odometry.motion) + rng.normal(size=3) * odometry.sigmas))
+        if graph.add(odometry, seen()):
+            estimates.append(graph.estimate())
+        else:
+            graph.newest_pose()
+    return graph, estimates
+
+
+def longest_steps(estimates):
+    return [np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0) for poses, _ in estimates]
+
+
+def test_a_loop_that_tears_the_trajectory_apart_is_solved_by_smaller_steps(monkeypatch):
+    """iSAM2's own step throws poses some ten metres apart; it may come back, or leave the map for good."""
+    graph, estimates = long_loop()
+    assert max(longest_steps(estimates)) < 1.5
+    factors, values = graph._isam.getFactorsUnsafe(), graph._isam.calculateEstimate()
+    assert factors.error(values) < factors.size()
+    np.testing.assert_allclose(estimates[-1][1][0], (52.0, 52.0), atol=0.1)
+    monkeypatch.setattr(FactorGraph, "_is_torn", lambda graph, poses: False)
+    assert max(longest_steps(long_loop()[1])) > 10.0
+
+
+def test_a_trajectory_that_stays_torn_is_an_error(monkeypatch):
+    monkeypatch.setattr(FactorGraph, "_solve_anew", lambda graph: None)
+    with pytest.raises(RuntimeError, match="does not converge"):
+        long_loop()
