@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench import PAPER, Observation, draw_world, rollout, stream
+from explore_bench.errors import describe
 from explore_bench.files import write_whole
 from explore_bench.report.drawing import entry_of, save_all, styled
 from explore_bench.runs.stopwatch import Stopwatch
@@ -64,6 +65,9 @@ def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
             event = events.send(answer)
         except StopIteration as end:
             status = end.value.status.value
+            break
+        except Exception as error:  # the simulator's own; the strategy is asked below
+            status = f"broken: {describe(error)}"
             break
         now = time.process_time()
         answer = None
