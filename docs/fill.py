@@ -470,67 +470,6 @@ def learning_causes() -> str:
     return markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
 
 
-def scaling_trials(size: float) -> str:
-    """What whole trials on a map of an edge [m] give and cost, by strategy; no metric of one that was cut off."""
-    table = pd.read_csv(STUDIES / "scaling.csv")
-    rows = []
-    for own in table[table["size"] == size].sort_values("seconds").to_dict("records"):
-        whole = own["explored_trials"] == own["trials"]
-        rows.append(
-            {
-                "strategy": f"`{own['strategy']}`",
-                "explored": f"{own['explored_trials']} of {own['trials']}",
-                "T [step]": f"{own['steps']:.0f}" if whole else "–",
-                "e [m]": f"{own['e']:.2f}" if whole else "–",
-                "η [m²/step]": f"{own['eta']:.2f}" if whole else "–",
-                "step, median [ms]": f"{own['step_ms']:.2f}",
-                "at the end [ms]": f"{own['last_step_ms']:.1f}",
-                "decision, median [ms]": f"{own['decision_ms']:.1f}",
-                "at the end [ms] ": f"{own['last_decision_ms']:.1f}",
-                "trial [s]": f"{own['seconds']:.1f}",
-                "memory [MiB]": f"{own['memory']:.0f}",
-            }
-        )
-    return markdown(pd.DataFrame(rows))
-
-
-def scaling_sizes(strategy: str) -> str:
-    """What the map of an edge [m] asks of one strategy's trials."""
-    table = pd.read_csv(STUDIES / "scaling.csv")
-    rows = []
-    for own in table[table["strategy"] == strategy].to_dict("records"):
-        whole = own["explored_trials"] == own["trials"]
-        rows.append(
-            {
-                "edge [m]": f"{own['size']:g}",
-                "landmarks": str(PAPER.replace(size=own["size"]).landmarks),
-                "trials": str(own["trials"]),
-                "T [step]": f"{own['steps']:.0f}" if whole else f"cut off at {own['steps']:.0f}",
-                "e [m]": f"{own['e']:.2f}" if whole else "–",
-                "η [m²/step]": f"{own['eta']:.2f}" if whole else "–",
-                "candidates": f"{own['candidates']:.0f}",
-                "step at the end [ms]": f"{own['last_step_ms']:.2f}",
-                "decision at the end [ms]": f"{own['last_decision_ms']:.2f}",
-                "trial [s]": f"{own['seconds']:.1f}",
-                "memory [MiB]": f"{own['memory']:.0f}",
-            }
-        )
-    return markdown(pd.DataFrame(rows))
-
-
-def scaling_parts(strategy: str) -> str:
-    """What each part of a step takes at the end of one strategy's trials [µs], by the map's edge [m]."""
-    table = pd.read_csv(STUDIES / "scaling.csv")
-    own = table[table["strategy"] == strategy]
-    parts = [column for column in own if re.fullmatch(r"last_(?!step|decision)\w+_ms", column)]
-    rows = [
-        {"edge [m]": f"{row['size']:g}", "poses": f"{row['steps']:.0f}"}
-        | {part[5:-3].replace("_", " "): f"{1e3 * row[part]:,.0f}" for part in parts}
-        for row in own.to_dict("records")
-    ]
-    return markdown(pd.DataFrame(rows))
-
-
 def search() -> str:
     """Configurations that the search trained to their length, and what their best validation was."""
     table = pd.read_csv(STUDIES / "search.csv")
@@ -898,9 +837,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "margins": margins,
     "regrets": regrets,
     "learning-causes": learning_causes,
-    "scaling-trials": partial(scaling_trials, 100.0),
-    "scaling-sizes": partial(scaling_sizes, "nearest"),
-    "scaling-parts": partial(scaling_parts, "nearest"),
     "search": search,
     "search-margins": search_margins,
 }
