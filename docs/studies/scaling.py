@@ -66,7 +66,7 @@ def measured(name: str, size: float, number: int, most: int) -> dict[str, Any]:
         except StopIteration as end:
             status = end.value.status.value
             break
-        except Exception as error:  # the simulator's own; the strategy is asked below
+        except Exception as error:  # the simulator's: the strategy is asked outside of this block
             status = f"broken: {describe(error)}"
             break
         now = time.process_time()

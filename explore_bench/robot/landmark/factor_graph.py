@@ -154,7 +154,7 @@ class FactorGraph:
         return poses, landmarks
 
     def _is_torn(self, poses: Array) -> bool:
-        """Whether two poses in a row lie farther apart than any step went."""
+        """Whether two poses in a row lie farther apart than the longest step and TORN of its deviations."""
         steps = np.diff(poses[:, :2], axis=0)
         return bool(len(steps)) and float(np.hypot(steps[:, 0], steps[:, 1]).max()) > self._reach
 
@@ -162,7 +162,7 @@ class FactorGraph:
         """Solve the whole graph from the estimates before, and let iSAM2 go on from there.
 
         A Gauss-Newton step, which is what iSAM2 takes, may go too far where a loop is closed after a long way, and from
-        there on ever farther. Levenberg and Marquardt's is damped; it costs as much as thousands of iSAM2's.
+        there on ever farther. Levenberg and Marquardt's are damped; they cost as much as some hundred updates.
         """
         values = gtsam.Values()
         for step, pose in enumerate([*self._settled[0].tolist(), *self._guesses[0]]):
