@@ -115,8 +115,8 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
 
 
 def _trained(found: Sequence[Duel]) -> str:
-    """In how many comparisons other trainings would show it again; nothing where nobody was trained."""
-    if all(duel.p_architecture == duel.p for duel in found):
+    """In how many comparisons other trainings would win again; nothing where none is won, or nobody was trained."""
+    if not any(duel.won for duel in found) or all(duel.p_architecture == duel.p for duel in found):
         return ""
     if not any(math.isfinite(duel.p_architecture) for duel in found):
         return " with these weights, whose seeds are too few to say it of other trainings,"

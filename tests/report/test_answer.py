@@ -94,6 +94,7 @@ def test_of_trained_weights_it_says_what_other_trainings_would_show_again():
     said = how_sure([BEST, "nearest"], against("nearest", p_architecture=math.nan))
     assert "correction) with these weights, whose seeds are too few to say it of other trainings, and worse in" in said
     assert "other trainings" not in how_sure([BEST, "nearest"], against("nearest"))
+    assert "other trainings" not in how_sure([BEST, "nearest"], against("nearest", p=0.4, p_architecture=0.5))
 
 
 def test_scenarios_are_named_where_there_are_several():
