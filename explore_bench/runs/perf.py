@@ -30,11 +30,16 @@ LENGTHS = (100, 300, 1000)
 WINDOW = 0.2
 """A length stands for the steps within ± 10 % of it."""
 
+LONGEST = int(LENGTHS[-1] * (1 + WINDOW / 2))
+"""Steps after which a long trajectory is cut off."""
+
 SHORT_STEPS = {20.0: 0.06, 40.0: 0.15}
 """Step length [m] that makes trajectories of more than 1100 steps on a map of this size."""
 
 TRIALS = 5
 DECISION_TRIALS = 2
+"""Whole trials of a strategy at a size; of a reference, which plans for seconds what its decisions then follow, one."""
+
 ISAM2 = "isam2"
 
 
@@ -88,7 +93,11 @@ def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
         )
         parts += _parts([step for steps in trials for step in steps], size, None)
         say(f"long trajectories at {key} m")
-        long = [steps for trial in range(TRIALS) if len(steps := _steps(size, trial, SHORT_STEPS[size])) > LENGTHS[-1]]
+        long = [
+            steps
+            for trial in range(TRIALS)
+            if len(steps := _steps(size, trial, SHORT_STEPS[size], LONGEST)) > LENGTHS[-1]
+        ]
         totals = {}
         medians[key] = {}
         for length in LENGTHS:
@@ -157,8 +166,8 @@ def read_json(path: Path) -> Perf:
     return Perf(**{**values, "parts": [Part(**part) for part in values["parts"]], "scenes": scenes})
 
 
-def _steps(size: float, trial: int, step_length: float) -> list[dict[str, float]]:
-    """Times of the parts of every step of a trial."""
+def _steps(size: float, trial: int, step_length: float, most: int | None = None) -> list[dict[str, float]]:
+    """Times of the parts of every step of a trial, of the first so many at least where there is a limit."""
     scale = step_length / PAPER.step_length
     scenario = PAPER.replace(
         size=size,
@@ -167,6 +176,8 @@ def _steps(size: float, trial: int, step_length: float) -> list[dict[str, float]
         heading_sigma_deg=PAPER.heading_sigma_deg * scale**0.5,
         steps_per_cell=PAPER.steps_per_cell / scale,
     )
+    if most is not None:
+        scenario = scenario.replace(steps_per_cell=most / scenario.cell_count)
     watch = Stopwatch()
     spec = TrialSpec("perf", "explore_bench.runs.stopwatch:FreeChoice", scenario, trial, purpose="calibrate")
     run_trial(spec, lap=watch.lap)
@@ -188,7 +199,7 @@ def _whole_trials(name: str, entry: Entry, size: float) -> tuple[float, float]:
     """
     scenario = PAPER.replace(size=size)
     _whole_trial(name, entry, scenario.tiny, 0)
-    results = [_whole_trial(name, entry, scenario, trial) for trial in range(DECISION_TRIALS)]
+    results = [_whole_trial(name, entry, scenario, trial) for trial in range(1 if entry.reference else DECISION_TRIALS)]
     seconds = [second for result, _ in results for second in result.decision_seconds]
     decision = 1e3 * statistics.median(seconds) if seconds else math.nan
     return decision, statistics.median(spent for _, spent in results)

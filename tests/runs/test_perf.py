@@ -26,7 +26,7 @@ WHOLE_TRIALS = perf._whole_trials
 PARTS = [ScenePart("match", 6.0, 0.6), ScenePart("loops", 4.0, 0.4), ScenePart("whole key pose", 10.0, 1.0)]
 
 
-def made_up(size, trial, step_length):
+def made_up(size, trial, step_length, most=None):
     """Return times of steps by hand: iSAM2 takes 100 µs, the rest 200 µs, and at 1000 poses 500 µs."""
     count = 1200 if step_length != PAPER.step_length else 60
     return [{"isam2": 1e-4, "world": 2e-4 + (3e-4 if i > 500 else 0.0), "row": 0.0} for i in range(count)]
@@ -69,7 +69,7 @@ def test_the_ratio_is_the_median_over_trials_of_all_their_steps(cheap, monkeypat
     """(1 + 3) / 2, (5 + 5) / 2 and (9 + 3) / 2: 5, where the median step would give 4."""
     totals = [[1.0, 3.0], [5.0, 5.0], [9.0, 3.0]]
 
-    def uneven(size, trial, step_length):
+    def uneven(size, trial, step_length, most=None):
         if step_length != PAPER.step_length:
             return made_up(size, trial, step_length)
         return [{"isam2": 1.0, "world": total - 1.0} for total in totals[trial]]
@@ -219,6 +219,11 @@ def test_every_step_of_a_real_trial_is_timed_in_all_its_parts():
     assert DECISION not in steps[0], "a strategy's time is not the harness's"
 
 
+def test_a_long_trajectory_is_cut_off_where_no_length_needs_it():
+    assert len(perf._steps(20.0, 0, perf.SHORT_STEPS[20.0], 20)) == 20
+    assert perf.LENGTHS[-1] * (1 + perf.WINDOW / 2) <= perf.LONGEST
+
+
 def test_the_time_of_a_decision_is_that_of_the_strategy(monkeypatch, tmp_path):
     monkeypatch.setattr(perf, "DECISION_TRIALS", 1)
     file = tmp_path / "slow.py"
@@ -259,3 +264,6 @@ def test_a_learned_strategy_decides_with_the_weights_of_its_first_training_seed(
     assert len(asked) == 1 + perf.DECISION_TRIALS, "a tiny one first"
     assert {spec.purpose for spec in asked} == {"calibrate"}
     assert all(spec.arguments == {"layers": 1, "weights": "two.safetensors"} for spec in asked)
+    asked.clear()
+    perf._whole_trials("reference", Entry("a:b", "Reference", reference=True), 20.0)
+    assert len(asked) == 2, "it plans for seconds and is no decision's time"
