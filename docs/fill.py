@@ -93,7 +93,7 @@ PAIRS = (
     *(
         (OURS, name)
         for name, entry in strategies().items()
-        if entry.tables and not entry.reference and name not in (OURS, *OF_CELLS)
+        if entry.tables and not entry.reference and name != OURS
     ),
 )
 TARGETS = (("graph-stnn", "uncertainty"), ("graph-stnn", "gcn-obs"))
@@ -228,13 +228,21 @@ def weight_sweep(strategy: str, heading: str) -> str:
     return markdown(sweep.drop(columns=["low", "high"]).rename(columns={"value": heading}))
 
 
+def explored_by_rivals() -> pd.DataFrame:
+    """Every stored trial of the paper's scenario that explored, of whichever suite, references aside."""
+    columns = ("strategy", "scenario", "size", "trial", "status", "steps", *SYMBOLS.values())
+    folders = (ROOT / "results" / suite for suite in ("", "field", "robustness", "reference"))
+    trials = pd.concat([read_csv(folder / "trials.csv", columns)[[*columns]] for folder in folders])
+    references = {name for name, entry in strategies().items() if entry.reference}
+    own = (trials["scenario"] == PAPER_SCENARIO) & (trials["status"] == "explored")
+    return trials[own & ~trials["strategy"].isin(references)]
+
+
 def tours() -> str:
     """Stored tours of the benchmark's worlds beside the lower bound and the fastest stored trials."""
     stored = pd.read_csv(TOURS)
     trials = read_csv(ROOT / "results" / "trials.csv", ("strategy", "size", "trial", "steps", "status"))
-    references = {name for name, entry in strategies().items() if entry.reference}
-    own = trials[(trials["status"] == "explored") & ~trials["strategy"].isin(references)]
-    fastest = own.groupby(["size", "trial"])["steps"].min().rename("fastest")
+    fastest = explored_by_rivals().groupby(["size", "trial"])["steps"].min().rename("fastest")
     rows = []
     driven = trials[trials["strategy"] == "clairvoyant"].set_index(["size", "trial"])["steps"].rename("driven")
     for size, here in stored.join(fastest, on=["size", "trial"]).join(driven, on=["size", "trial"]).groupby("size"):
@@ -257,11 +265,11 @@ def tours() -> str:
 def accurate_tours() -> str:
     """The tours for e and η as they were driven, beside the best stored trial of each world."""
     trials = read_csv(ROOT / "results" / "trials.csv", ("strategy", "size", "trial", "status", *SYMBOLS.values()))
-    references = {name for name, entry in strategies().items() if entry.reference}
-    e, eta = (trials[metric] for metric in SYMBOLS.values())
-    trials = trials.assign(objective=np.log(e) - np.log(eta))
-    explored = trials[trials["status"] == "explored"]
-    best = explored[~explored["strategy"].isin(references)].groupby(["size", "trial"])["objective"].min()
+    trials, rivals = (
+        table.assign(objective=np.log(table[SYMBOLS["e"]]) - np.log(table[SYMBOLS["η"]]))
+        for table in (trials, explored_by_rivals())
+    )
+    best = rivals.groupby(["size", "trial"])["objective"].min()
     rows = []
     for size, here in trials[trials["strategy"] == "clairvoyant-accurate"].groupby("size"):
         least = best.loc[size].reindex(here["trial"])
@@ -468,6 +476,67 @@ def _validated(tables: list[pd.DataFrame], episodes: int) -> str:
 def learning_causes() -> str:
     """Settings of Graph-STNN's learning and what they led to."""
     return markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
+
+
+def scaling_trials(size: float) -> str:
+    """What whole trials on a map of an edge [m] give and cost, by strategy; no metric of one that was cut off."""
+    table = pd.read_csv(STUDIES / "scaling.csv")
+    rows = []
+    for own in table[table["size"] == size].sort_values("seconds").to_dict("records"):
+        whole = own["explored_trials"] == own["trials"]
+        rows.append(
+            {
+                "strategy": f"`{own['strategy']}`",
+                "explored": f"{own['explored_trials']} of {own['trials']}",
+                "T [step]": f"{own['steps']:.0f}" if whole else "–",
+                "e [m]": f"{own['e']:.2f}" if whole else "–",
+                "η [m²/step]": f"{own['eta']:.2f}" if whole else "–",
+                "step, median [ms]": f"{own['step_ms']:.2f}",
+                "at the end [ms]": f"{own['last_step_ms']:.1f}",
+                "decision, median [ms]": f"{own['decision_ms']:.1f}",
+                "at the end [ms] ": f"{own['last_decision_ms']:.1f}",
+                "trial [s]": f"{own['seconds']:.1f}",
+                "memory [MiB]": f"{own['memory']:.0f}",
+            }
+        )
+    return markdown(pd.DataFrame(rows))
+
+
+def scaling_sizes(strategy: str) -> str:
+    """What the map of an edge [m] asks of one strategy's trials."""
+    table = pd.read_csv(STUDIES / "scaling.csv")
+    rows = []
+    for own in table[table["strategy"] == strategy].to_dict("records"):
+        whole = own["explored_trials"] == own["trials"]
+        rows.append(
+            {
+                "edge [m]": f"{own['size']:g}",
+                "landmarks": str(PAPER.replace(size=own["size"]).landmarks),
+                "trials": str(own["trials"]),
+                "T [step]": f"{own['steps']:.0f}" if whole else f"cut off at {own['steps']:.0f}",
+                "e [m]": f"{own['e']:.2f}" if whole else "–",
+                "η [m²/step]": f"{own['eta']:.2f}" if whole else "–",
+                "candidates": f"{own['candidates']:.0f}",
+                "step at the end [ms]": f"{own['last_step_ms']:.2f}",
+                "decision at the end [ms]": f"{own['last_decision_ms']:.2f}",
+                "trial [s]": f"{own['seconds']:.1f}",
+                "memory [MiB]": f"{own['memory']:.0f}",
+            }
+        )
+    return markdown(pd.DataFrame(rows))
+
+
+def scaling_parts(strategy: str) -> str:
+    """What each part of a step takes at the end of one strategy's trials [µs], by the map's edge [m]."""
+    table = pd.read_csv(STUDIES / "scaling.csv")
+    own = table[table["strategy"] == strategy]
+    parts = [column for column in own if re.fullmatch(r"last_(?!step|decision)\w+_ms", column)]
+    rows = [
+        {"edge [m]": f"{row['size']:g}", "poses": f"{row['steps']:.0f}"}
+        | {part[5:-3].replace("_", " "): f"{1e3 * row[part]:,.0f}" for part in parts}
+        for row in own.to_dict("records")
+    ]
+    return markdown(pd.DataFrame(rows))
 
 
 def search() -> str:
@@ -837,6 +906,9 @@ PARTS: dict[str, Callable[[], str]] = {
     "margins": margins,
     "regrets": regrets,
     "learning-causes": learning_causes,
+    "scaling-trials": partial(scaling_trials, 100.0),
+    "scaling-sizes": partial(scaling_sizes, "nearest"),
+    "scaling-parts": partial(scaling_parts, "nearest"),
     "search": search,
     "search-margins": search_margins,
 }

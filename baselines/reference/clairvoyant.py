@@ -4,7 +4,7 @@ It plans once, at leisure: a `tour` of the true map without noise, by annealing,
 many steps the tour takes, and a `bound` below which no way is. Or it plans an `accurate` tour, for e and η. The tours
 of the benchmark's worlds were planned once and lie in tours.csv; any other world is planned when its trial begins, in
 the same way and for as long. Where the noise left something to see at the end of the tour, the fastest way to see the
-rest is planned from there.
+rest is planned from there; where that shows nothing new, the nearest candidate is next.
 """
 
 from __future__ import annotations
@@ -80,6 +80,7 @@ class Clairvoyant:
         self.notes: dict[str, float] = {}
         self._world, self._rng = world, rng
         self._way: list[int] = []
+        self._known = -1  # cells known when the rest was last planned
 
     def choose(self, observation: Observation) -> int | Target:
         """Return the next cell of the tour, or the nearest candidate where no tour leads on."""
@@ -89,7 +90,9 @@ class Clairvoyant:
         if not observation.decision:
             self._plan(observation, scenario)
         cell = self._next(observation)
-        if cell is None:
+        known = int(observation.belief.known.sum())
+        if cell is None and known > self._known:  # else what is left hides, and the same would be planned for ever
+            self._known = known
             site = site_of(observation, self._world)
             self._way = cells_along(site, best_tour(site, self._rng, CHANGES_OF_REST).views)
             cell = self._next(observation)

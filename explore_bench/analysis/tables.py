@@ -49,7 +49,7 @@ TRIAL_COLUMNS = (
 
 SUMMARY_COLUMNS = (
     *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
-    *("seeds", "seed_low", "seed_high"),
+    *("seeds", "seed_low", "seed_high", "scenario"),
 )
 WORLD_COLUMNS = ("scenario", "size", "trial", "world")
 """Those of worlds of every kind; the facts of a kind follow them."""
@@ -201,8 +201,8 @@ def seed_means(table: pd.DataFrame, metric: str) -> list[float]:
 def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.DataFrame:
     """Means with intervals of every table, strategy, size and metric; the paper's value where that table prints one.
 
-    `n` counts worlds, `failed` trials that did not explore; `seed_low` and `seed_high` are the smallest and the largest
-    mean of a single one of the `seeds` training seeds.
+    The trials are of one scenario. `n` counts worlds, `failed` trials that did not explore; `seed_low` and `seed_high`
+    are the smallest and the largest mean of a single one of the `seeds` training seeds.
 
     A strategy without trials stands in it with n = 0 where the paper prints a value; a metric that is not defined for
     every trial of a cell is left out. A reference (a registered one, and `references`, told the truth when their trials
@@ -212,6 +212,7 @@ def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.
     rows = []
     metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, *REGRETS, *own_metrics(trials)]
     printed = of_paper(trials)
+    scenario = str(trials["scenario"].iloc[0]) if len(trials) else PAPER_SCENARIO
     for name in in_order([*strategies(), *trials["strategy"]]):
         own = trials[trials["strategy"] == name]
         entry = entry_named(name, references)
@@ -246,6 +247,7 @@ def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.
                             "seeds": len(of_seeds),
                             "seed_low": min(of_seeds, default=math.nan),
                             "seed_high": max(of_seeds, default=math.nan),
+                            "scenario": scenario,
                         }
                     )
     return rounded(pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS)))

@@ -89,7 +89,8 @@ def order_table(trials: pd.DataFrame) -> Table:
     note = (
         "Of the strategies that the paper prints and that ran, on the worlds that all of them tried: 1 is the same "
         "order, −1 the reverse [what τ is where every pair whose difference is not shown, by a permutation test paired "
-        "by world with Holm's correction over the pairs, stands the other way than in the paper, or as there]."
+        "by world with Holm's correction over the pairs, stands the other way than in the paper, or as there; it is "
+        "itself an end where no such pair could move it further]."
     )
     return Table("Order of the strategies, paper against measured", header, tuple(rows), note)
 

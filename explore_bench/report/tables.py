@@ -76,6 +76,7 @@ class Table:
     header : names of the columns.
     rows : cells, as many in each row as in the header.
     scopes, columns : what each row and each column speaks of; empty where the table is not to be filtered so.
+    scenario : name of the scenario of all its trials, a column of the CSV file; empty where the table names none.
     """
 
     title: str
@@ -84,10 +85,11 @@ class Table:
     note: str = ""
     scopes: tuple[Scope, ...] = ()
     columns: tuple[Scope, ...] = ()
+    scenario: str = ""
 
     def naming(self, scenario: str) -> Table:
-        """Copy whose note names the scenario of all its trials."""
-        return replace(self, note=f"Scenario: {scenario}. {self.note}".strip())
+        """Copy that names the scenario of all its trials: in the note, and in a column of the CSV file."""
+        return replace(self, note=f"Scenario: {scenario}. {self.note}".strip(), scenario=scenario)
 
     def naming_each(self, scenarios: Sequence[str]) -> Table:
         """Copy that names the scenario of every row: in the note where all are of one, else in a second column."""
@@ -106,7 +108,9 @@ class Table:
     def csv(self) -> str:
         """Return the table as CSV."""
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows((self.header, *self.rows))
+        named = [("scenario",), *[(self.scenario,)] * len(self.rows)] if self.scenario else [()] * (len(self.rows) + 1)
+        lines = ((*row, *more) for row, more in zip((self.header, *self.rows), named, strict=True))
+        csv.writer(text, lineterminator="\n").writerows(lines)
         return text.getvalue()
 
     def latex(self) -> str:

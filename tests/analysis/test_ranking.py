@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from explore_bench.analysis.paired import paired
 from explore_bench.analysis.ranking import duels, places_of, ranking_metrics, standings
-from explore_bench.analysis.statistics import holm, mean_interval, sign_flip_p
+from explore_bench.analysis.statistics import LEVEL, holm, mean_interval, sign_flip_p
 
 WORLDS = 12
 NOISE = np.random.default_rng(5).uniform(0.98, 1.02, WORLDS)
@@ -142,6 +143,21 @@ def test_a_duel_of_weights_says_whether_other_trainings_would_win_it_too():
     assert all(duel.won and not duel.won_after_other_trainings for duel in found)
     plain = duels(pd.concat(others), ["nearest", "random"])
     assert all(duel.p == duel.p_architecture for duel in plain)
+
+
+@pytest.mark.parametrize(("rivals", "won"), [(1, True), (6, False)])
+def test_whether_other_trainings_would_win_is_asked_of_the_corrected_p_value(rivals, won):
+    """A raw p of 0.017 is enough among two duels, and not among twelve; with these weights both are won."""
+    seeds = [
+        rows("graph-stnn", 1.0 + shift, 1.0).assign(training_seed=seed) for seed, shift in enumerate((-0.08, 0, 0.08))
+    ]
+    others = ["nearest", "random", "entropy", "uncertainty", "mine.py:A", "mine.py:B"][:rivals]
+    trials = pd.concat([*seeds, *(rows(name, 1.35, 1.0) for name in others)])
+    found = [duel for duel in duels(trials, ["graph-stnn", *others]) if duel.metric == "trajectory_error"]
+    raw = paired(pd.concat(seeds), rows("nearest", 1.35, 1.0), "trajectory_error").p_architecture
+    assert raw <= LEVEL
+    assert [duel.p_architecture for duel in found] == pytest.approx([2 * rivals * raw] * rivals)
+    assert {(duel.won, duel.won_after_other_trainings) for duel in found} == {(True, won)}
 
 
 def test_strategies_without_a_common_place_or_world_are_not_compared():

@@ -256,7 +256,7 @@ def test_the_columns_of_summary_csv_are_those_of_the_design(trials):
     assert (
         *("table", "strategy", "size", "metric", "n", "failed"),
         *("mean", "ci_low", "ci_high", "paper"),
-        *("seeds", "seed_low", "seed_high"),
+        *("seeds", "seed_low", "seed_high", "scenario"),
     ) == SUMMARY_COLUMNS
     assert tuple(summary_table(trials).columns) == SUMMARY_COLUMNS
 

@@ -29,6 +29,7 @@ def summary(strategy="random", n=50, mean=1.0, paper=2.0):
         0,
         math.nan,
         math.nan,
+        "paper",
     )
     return dict(zip(SUMMARY_COLUMNS, values, strict=True))
 

@@ -38,7 +38,7 @@ NAN = math.nan
 def line(strategy, metric="trajectory_error", size=20.0, table="table2", n=50, failed=0, mean=1.25, paper=NAN, seeds=0):
     """Return one line of a summary; the interval is the mean ± 0.1, the range of the seeds the mean ± 0.2."""
     values = (table, strategy, size, metric, n, failed, mean, mean - 0.1, mean + 0.1, paper)
-    values += (seeds, mean - 0.2, mean + 0.2)
+    values += (seeds, mean - 0.2, mean + 0.2, "paper")
     return dict(zip(SUMMARY_COLUMNS, values, strict=True))
 
 
@@ -372,6 +372,8 @@ def test_the_scenario_of_every_row_is_named_once_where_it_is_one_else_in_a_colum
 def test_csv_can_be_read_back():
     assert list(csv.reader(io.StringIO(PLAIN.csv()))) == [list(PLAIN.header), *map(list, PLAIN.rows)]
     assert "\r" not in PLAIN.csv()
+    named = list(csv.reader(io.StringIO(PLAIN.naming("chen2020").csv())))
+    assert named == [[*PLAIN.header, "scenario"], *([*row, "chen2020"] for row in PLAIN.rows)]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.patches import Rectangle
 
@@ -374,6 +375,10 @@ def test_every_table_names_the_scenario_and_none_has_a_number_of_the_paper(folde
         text = table.read_text()
         assert "Scenario: chen2020." in text, table.name
         assert "paper" not in text, table.name
+    for file in [folder / "summary.csv", *(folder / "tables").glob("*.csv")]:
+        rows = pd.read_csv(file, dtype=str)
+        of_two = file.stem in {"paired", "wins"}  # no row of one strategy alone
+        assert set(rows["scenario"]) == (set() if of_two else {"chen2020"}), file.name
     assert not {"constants", "table2", "table3"} & {table.stem for table in tables}
     claims = (folder / "claims.md").read_text()
     assert claims.count("\n| --- |") == claims.count("\nScenario: chen2020.\n") == 3, "all claims, and each by itself"

@@ -31,10 +31,17 @@ class Pair:
 
     @property
     def losses(self) -> np.ndarray:
-        """Change for the worse of each world over the reference's mean, shape (n,); empty where trials are missing."""
+        """Change for the worse of each world, shape (n,), whose mean is that of the ratio of the two means.
+
+        They are linearized: a world of which the reference has more than in the mean has more to lose, so that the
+        spread of these is that of the ratio, whose denominator varies from draw to draw of the worlds, too. Empty where
+        trials are missing.
+        """
         if not len(self.now):
             return self.now
-        return self.threshold.sign * (self.now - self.before) / abs(self.before.mean())
+        changes = self.threshold.sign * (self.now - self.before) / abs(self.before.mean())
+        linear: np.ndarray = changes - changes.mean() * (self.before / self.before.mean() - 1.0)
+        return linear
 
     @property
     def spread(self) -> float:

@@ -125,9 +125,9 @@ def _ranking(trials: pd.DataFrame) -> list[Standing]:
 
 def _regret(cell: pd.DataFrame) -> str:
     """Mean regret to the fastest tour known and to the lower bound, as docs/clairvoyant.md has it."""
-    means = [np.mean(list(by_world(cell, name).values())) for name in REGRETS]
-    own = not entry_of(str(cell["strategy"].iloc[0])).reference
-    return " to ".join(f"{mean:.2f}" for mean in means if math.isfinite(mean) and own) or "–"
+    planned = [name for name in REGRETS if entry_of(str(cell["strategy"].iloc[0])).fills(name)]
+    means = [np.mean(list(by_world(cell, name).values())) for name in planned]
+    return " to ".join(f"{mean:.2f}" for mean in means if math.isfinite(mean)) or "–"
 
 
 def _decisions(cell: pd.DataFrame, times: pd.DataFrame | None) -> list[str]:

@@ -58,6 +58,7 @@ def test_what_is_alone_a_regression_need_not_be_one_in_a_family():
     family = decide([losses, *[NOISE] * 5], [0.05] * 6)
     assert family[0].verdict is Verdict.INCONCLUSIVE
     assert family[0].p_holm == pytest.approx(min(6 * family[0].p, 1.0))
+    assert family[0].at_least < 0.05, "the bound is corrected, too"
 
 
 def test_what_is_alone_an_improvement_need_not_be_one_in_a_family():
@@ -67,9 +68,9 @@ def test_what_is_alone_an_improvement_need_not_be_one_in_a_family():
 
 
 @pytest.mark.parametrize("count", [1, 6])
-@pytest.mark.parametrize(("loss", "verdict"), [(0.025, Verdict.PASS), (0.031, Verdict.INCONCLUSIVE)])
+@pytest.mark.parametrize(("loss", "verdict"), [(0.029, Verdict.PASS), (0.031, Verdict.INCONCLUSIVE)])
 def test_a_pass_is_uncorrected_however_large_the_family(loss, verdict, count):
-    """The bound is 1.67 standard errors of 0.013 above the loss, the tolerance 0.05."""
+    """The bound is 1.67 standard errors of 0.0117 above the loss, the tolerance 0.05; at half the level it is 2.0."""
     assert {own.verdict for own in decide([loss + NOISE] * count, [0.05] * count)} == {verdict}
 
 
@@ -304,7 +305,7 @@ def test_more_worlds_are_advised_where_nothing_is_shown(loss, verdict, advised):
 
 def test_the_table_shows_corrected_p_values_and_no_more_power_than_there_is():
     rows = pd.concat((STEADY, trial_rows(1.0 + NOISE, size=30.0)))
-    worse = rows.assign(exploration_efficiency=0.95 * rows["exploration_efficiency"])
+    worse = rows.assign(exploration_efficiency=0.955 * rows["exploration_efficiency"])
     gate = judge([threshold(), threshold(size=30.0)], rows, worse)
     gate = dataclasses.replace(gate, judgements=tuple(dataclasses.replace(own, power=0.899) for own in gate.judgements))
     for row in gate_table(gate, Path("a"), Path("b")).rows:
