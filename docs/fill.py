@@ -90,11 +90,7 @@ PAIRS = (
     *(("graph-stnn", name) for name, entry in strategies().items() if entry.tables == ("table3",)),
     ("graph-stnn", "graph-stnn-cell"),
     *(("graph-stnn-cell", name) for name in OF_CELLS if name != "graph-stnn-cell"),
-    *(
-        (OURS, name)
-        for name, entry in strategies().items()
-        if entry.tables and not entry.reference and name != OURS
-    ),
+    *((OURS, name) for name, entry in strategies().items() if entry.tables and not entry.reference and name != OURS),
 )
 TARGETS = (("graph-stnn", "uncertainty"), ("graph-stnn", "gcn-obs"))
 """Pairs whose margins in the paper's Table 2 stand beside ours."""

@@ -27,7 +27,7 @@ import pandas as pd
 from explore_bench import PAPER, Observation, draw_world, rollout, stream
 from explore_bench.errors import describe
 from explore_bench.files import write_whole
-from explore_bench.report.drawing import entry_of, save_all, styled
+from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
 from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.runs.workers.task import warm_up
 from explore_bench.strategies.entry import weights_file
@@ -118,7 +118,7 @@ def kept(folder: Path, name: str, size: float, number: int, most: int) -> dict[s
 
 
 def draw(table: pd.DataFrame, place: Path) -> None:
-    """Draw metrics and cost over the edge of the map; of strategies that were cut off, no metric."""
+    """Draw metrics and cost over the edge of the map; an empty circle is of trials cut off, which have no metrics."""
     panels = {"steps": "steps T", "e": "trajectory error e [m]", "eta": "efficiency η [m²/step]"}
     panels |= {"last_step_ms": "step at the end [CPU ms]", "last_decision_ms": "decision at the end [CPU ms]"}
     panels |= {"memory": "memory [MiB]"}
@@ -130,10 +130,13 @@ def draw(table: pd.DataFrame, place: Path) -> None:
         for axes, (column, title) in zip(grid.flat, panels.items(), strict=True):
             for name, own in shown.groupby("strategy", sort=False):
                 entry = entry_of(str(name))
-                axes.plot(own["size"], own[column], marker="o", ms=3, color=entry.color, label=entry.label)
+                whole = own["explored_trials"] == own["trials"]
+                axes.plot(own["size"], own[column].where(whole), "o-", ms=3, color=entry.color, label=entry.label)
+                axes.plot(own["size"], own[column].mask(whole), "o", ms=4, mfc="none", color=entry.color)
             axes.set(title=title, xlabel="edge of the map [m]", xscale="log", yscale="log")
             axes.set_xticks(sorted(table["size"].unique()), [f"{size:g}" for size in sorted(table["size"].unique())])
             axes.minorticks_off()
+            plain_log(axes.yaxis)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
         save_all(figure, place)
@@ -164,8 +167,10 @@ def main() -> None:
     with ThreadPoolExecutor(asked.workers) as pool:
         list(pool.map(lambda one: kept(*one), wanted))
     rows = pd.DataFrame([json.loads(file.read_text()) for file in sorted(asked.out.glob("*.json"))])
-    explored = rows.assign(explored_trials=rows["status"] == "explored", trials=1)
-    sums = explored.groupby(["strategy", "size"])[["trials", "explored_trials"]].sum()
+    counted = rows.assign(
+        trials=1, explored_trials=rows["status"] == "explored", broken_trials=rows["status"].str.startswith("broken")
+    )
+    sums = counted.groupby(["strategy", "size"])[["trials", "explored_trials", "broken_trials"]].sum()
     means = rows.groupby(["strategy", "size"]).mean(numeric_only=True).drop(columns="world")
     table = sums.join(means).reset_index()
     table.to_csv(Path(__file__).with_suffix(".csv"), index=False, float_format="%.4g")

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from explore_bench.records.store import Store
+from explore_bench.strategies.registry import strategies
 
 STUDIES = Path(__file__).parents[2] / "docs" / "studies"
 
@@ -23,6 +24,29 @@ def test_entropy_takes_as_long_in_the_study_of_its_fringe_as_in_that_of_its_path
     assert list(fringe["worlds"]) == [20, 20]
     for size, steps in fringe["T"].items():
         assert steps == pytest.approx(sweep[f"T {size}"], abs=0.051)  # a decimal less
+
+
+def test_the_study_of_large_maps_has_every_compared_strategy_at_100_m_and_none_of_its_trials_broke_down():
+    """Ten worlds each, explored but by `random`, which is cut off; and `nearest` in three of 200 m."""
+    table = pd.read_csv(STUDIES / "scaling.csv")
+    compared = {name for name, entry in strategies().items() if "table2" in entry.tables and not entry.reference}
+    hundred = table[table["size"] == 100].set_index("strategy")
+    assert set(hundred.index) == compared
+    assert (hundred["trials"] == 10).all()
+    assert (hundred["explored_trials"].drop("random") == 10).all()
+    assert len(table[(table["size"] == 200) & (table["strategy"] == "nearest") & (table["trials"] == 3)]) == 1
+    assert (table["broken_trials"] == 0).all()
+
+
+@pytest.mark.parametrize("strategy", ["nearest", "belief-attention"])
+def test_the_study_of_large_maps_gives_what_its_table_says(studies, strategy):
+    """In the worlds of 20 m."""
+    from scaling import measured
+
+    stored = pd.read_csv(STUDIES / "scaling.csv").set_index(["strategy", "size"]).loc[strategy, 20.0]
+    rows = pd.DataFrame([measured(strategy, 20.0, number, 10**9) for number in range(int(stored["trials"]))])
+    for name in ("steps", "e", "eta"):
+        assert rows[name].mean() == pytest.approx(stored[name], rel=6e-4), name
 
 
 @pytest.mark.slow
