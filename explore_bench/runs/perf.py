@@ -137,10 +137,11 @@ def text(perf: Perf) -> str:
         lines.append(f"whole step to iSAM2's update over whole trials: {perf.step_to_isam2_ratio[key]:.2f}")
         lines.append(f"whole step at 1000 poses to that at 100: {perf.step_growth_1000_over_100[key]:.2f}")
     for title, times in (("median decision [ms]", perf.decision_ms), ("CPU s a whole trial", perf.trial_cpu_s)):
+        width = max(map(len, (title, *times)))
         if times:
-            lines += ["", f"{title:<22}" + "".join(f"{f'{size:g} m':>10}" for size in SIZES)]
+            lines += ["", f"{title:<{width}}" + "".join(f"{f'{size:g} m':>10}" for size in SIZES)]
         for name, by_size in times.items():
-            lines.append(f"{name:<22}" + "".join(f"{by_size[f'{size:g}']:>10.3f}" for size in SIZES))
+            lines.append(f"{name:<{width}}" + "".join(f"{by_size[f'{size:g}']:>10.3f}" for size in SIZES))
     if perf.scenes:
         lines += ["", *scene_table(perf.scenes)]
     return "\n".join(lines[1:])
