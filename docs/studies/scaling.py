@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench import PAPER, Observation, draw_world, rollout, stream
+from explore_bench.analysis.ranking import COMPARED
 from explore_bench.errors import describe
 from explore_bench.files import write_whole
 from explore_bench.report.drawing import entry_of, plain_log, save_all, styled
@@ -118,12 +119,15 @@ def kept(folder: Path, name: str, size: float, number: int, most: int) -> dict[s
 
 
 def draw(table: pd.DataFrame, place: Path) -> None:
-    """Draw metrics and cost over the edge of the map; an empty circle is of trials cut off, which have no metrics."""
+    """Draw metrics and cost over the edge of the map; an empty circle is of trials cut off, which have no metrics.
+
+    The strategies are those of Table 2.
+    """
     panels = {"steps": "steps T", "e": "trajectory error e [m]", "eta": "efficiency η [m²/step]"}
     panels |= {"last_step_ms": "step at the end [CPU ms]", "last_decision_ms": "decision at the end [CPU ms]"}
     panels |= {"memory": "memory [MiB]"}
     metrics = ["steps", "e", "eta"]
-    shown = table.copy()
+    shown = table[[COMPARED in entry_of(name).tables for name in table["strategy"]]].copy()
     shown.loc[shown["explored_trials"] < shown["trials"], metrics] = np.nan
     with styled():
         figure, grid = plt.subplots(2, 3, figsize=(10.5, 6.6))

@@ -26,10 +26,11 @@ def test_entropy_takes_as_long_in_the_study_of_its_fringe_as_in_that_of_its_path
         assert steps == pytest.approx(sweep[f"T {size}"], abs=0.051)  # a decimal less
 
 
-def test_the_study_of_large_maps_has_every_compared_strategy_at_100_m_and_none_of_its_trials_broke_down():
+def test_the_study_of_large_maps_has_every_strategy_of_the_paper_at_100_m_and_none_of_its_trials_broke_down():
     """Ten worlds each, explored but by `random`, which is cut off; and `nearest` in three of 200 m."""
     table = pd.read_csv(STUDIES / "scaling.csv")
-    compared = {name for name, entry in strategies().items() if "table2" in entry.tables and not entry.reference}
+    papers = {"table2", "table3", "layers"}
+    compared = {name for name, entry in strategies().items() if papers & set(entry.tables) and not entry.reference}
     hundred = table[table["size"] == 100].set_index("strategy")
     assert set(hundred.index) == compared
     assert (hundred["trials"] == 10).all()
