@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -474,19 +475,23 @@ def learning_causes() -> str:
     return markdown(pd.read_csv(STUDIES / "learning-causes.csv"))
 
 
+def scaling_means(own: dict[str, Any]) -> dict[str, str]:
+    """Mean metrics of the trials of a strategy at a size; none where some were cut off."""
+    if own["explored_trials"] < own["trials"]:
+        return {"T [step]": f"cut off at {own['steps']:.0f}", "e [m]": "–", "η [m²/step]": "–"}
+    return {"T [step]": f"{own['steps']:.0f}", "e [m]": f"{own['e']:.2f}", "η [m²/step]": f"{own['eta']:.2f}"}
+
+
 def scaling_trials(size: float) -> str:
     """What whole trials on a map of an edge [m] give and cost, by strategy; no metric of one that was cut off."""
     table = pd.read_csv(STUDIES / "scaling.csv")
     rows = []
     for own in table[table["size"] == size].sort_values("seconds").to_dict("records"):
-        whole = own["explored_trials"] == own["trials"]
         rows.append(
             {
                 "strategy": f"`{own['strategy']}`",
                 "explored": f"{own['explored_trials']} of {own['trials']}",
-                "T [step]": f"{own['steps']:.0f}" if whole else "–",
-                "e [m]": f"{own['e']:.2f}" if whole else "–",
-                "η [m²/step]": f"{own['eta']:.2f}" if whole else "–",
+                **scaling_means(own),
                 "step, median [ms]": f"{own['step_ms']:.2f}",
                 "at the end [ms]": f"{own['last_step_ms']:.1f}",
                 "decision, median [ms]": f"{own['decision_ms']:.1f}",
@@ -503,15 +508,12 @@ def scaling_sizes(strategy: str) -> str:
     table = pd.read_csv(STUDIES / "scaling.csv")
     rows = []
     for own in table[table["strategy"] == strategy].to_dict("records"):
-        whole = own["explored_trials"] == own["trials"]
         rows.append(
             {
                 "edge [m]": f"{own['size']:g}",
                 "landmarks": str(PAPER.replace(size=own["size"]).landmarks),
                 "trials": str(own["trials"]),
-                "T [step]": f"{own['steps']:.0f}" if whole else f"cut off at {own['steps']:.0f}",
-                "e [m]": f"{own['e']:.2f}" if whole else "–",
-                "η [m²/step]": f"{own['eta']:.2f}" if whole else "–",
+                **scaling_means(own),
                 "candidates": f"{own['candidates']:.0f}",
                 "step at the end [ms]": f"{own['last_step_ms']:.2f}",
                 "decision at the end [ms]": f"{own['last_decision_ms']:.2f}",

@@ -168,7 +168,7 @@ def read_json(path: Path) -> Perf:
 
 
 def _steps(size: float, trial: int, step_length: float, most: int | None = None) -> list[dict[str, float]]:
-    """Times of the parts of every step of a trial, of the first so many at least where there is a limit."""
+    """Times of the parts of every step of a trial, of the first so many where there is a limit."""
     scale = step_length / PAPER.step_length
     scenario = PAPER.replace(
         size=size,
