@@ -485,42 +485,40 @@ def scaling_means(own: dict[str, Any]) -> dict[str, str]:
 def scaling_trials(size: float) -> str:
     """What whole trials on a map of an edge [m] give and cost, by strategy; no metric of one that was cut off."""
     table = pd.read_csv(STUDIES / "scaling.csv")
-    rows = []
-    for own in table[table["size"] == size].sort_values("seconds").to_dict("records"):
-        rows.append(
-            {
-                "strategy": f"`{own['strategy']}`",
-                "explored": f"{own['explored_trials']} of {own['trials']}",
-                **scaling_means(own),
-                "step, median [ms]": f"{own['step_ms']:.2f}",
-                "at the end [ms]": f"{own['last_step_ms']:.1f}",
-                "decision, median [ms]": f"{own['decision_ms']:.1f}",
-                "at the end [ms] ": f"{own['last_decision_ms']:.1f}",
-                "trial [s]": f"{own['seconds']:.1f}",
-                "memory [MiB]": f"{own['memory']:.0f}",
-            }
-        )
+    rows = [
+        {
+            "strategy": f"`{own['strategy']}`",
+            "explored": f"{own['explored_trials']} of {own['trials']}",
+            **scaling_means(own),
+            "step, median [ms]": f"{own['step_ms']:.2f}",
+            "at the end [ms]": f"{own['last_step_ms']:.1f}",
+            "decision, median [ms]": f"{own['decision_ms']:.1f}",
+            "at the end [ms] ": f"{own['last_decision_ms']:.1f}",
+            "trial [s]": f"{own['seconds']:.1f}",
+            "memory [MiB]": f"{own['memory']:.0f}",
+        }
+        for own in table[table["size"] == size].sort_values("seconds").to_dict("records")
+    ]
     return markdown(pd.DataFrame(rows))
 
 
 def scaling_sizes(strategy: str) -> str:
     """What the map of an edge [m] asks of one strategy's trials."""
     table = pd.read_csv(STUDIES / "scaling.csv")
-    rows = []
-    for own in table[table["strategy"] == strategy].to_dict("records"):
-        rows.append(
-            {
-                "edge [m]": f"{own['size']:g}",
-                "landmarks": str(PAPER.replace(size=own["size"]).landmarks),
-                "trials": str(own["trials"]),
-                **scaling_means(own),
-                "candidates": f"{own['candidates']:.0f}",
-                "step at the end [ms]": f"{own['last_step_ms']:.2f}",
-                "decision at the end [ms]": f"{own['last_decision_ms']:.2f}",
-                "trial [s]": f"{own['seconds']:.1f}",
-                "memory [MiB]": f"{own['memory']:.0f}",
-            }
-        )
+    rows = [
+        {
+            "edge [m]": f"{own['size']:g}",
+            "landmarks": str(PAPER.replace(size=own["size"]).landmarks),
+            "trials": str(own["trials"]),
+            **scaling_means(own),
+            "candidates": f"{own['candidates']:.0f}",
+            "step at the end [ms]": f"{own['last_step_ms']:.2f}",
+            "decision at the end [ms]": f"{own['last_decision_ms']:.2f}",
+            "trial [s]": f"{own['seconds']:.1f}",
+            "memory [MiB]": f"{own['memory']:.0f}",
+        }
+        for own in table[table["strategy"] == strategy].to_dict("records")
+    ]
     return markdown(pd.DataFrame(rows))
 
 
