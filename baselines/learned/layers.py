@@ -124,21 +124,36 @@ class SpatialEncoder(nn.Module):
 
 
 class CausalConvolution(nn.Module):
-    """Dilated causal convolutions (Eq. 12, [30]): layer l looks back (K − 1) 2^l nodes; ReLU between layers."""
+    """Dilated causal convolutions (Eq. 12, [30]): layer l looks back (K − 1) 2^l nodes; ReLU between layers.
+
+    Only the output at the last node is computed, and of every layer no more than it takes: of layer l the outputs that
+    are 2^(l + 1) nodes apart.
+
+    Attributes
+    ----------
+    reach : number of nodes that an output depends on, itself included.
+    """
 
     def __init__(self, inputs: int, channels: int, layers: int, kernel: int) -> None:
         super().__init__()
         self.kernel = kernel
+        self.reach = 1 + (kernel - 1) * (2**layers - 1)
         self.layers = nn.ModuleList(
             nn.Conv1d(inputs if i == 0 else channels, channels, kernel, dilation=2**i) for i in range(layers)
         )
 
-    def forward(self, values: Tensor) -> Tensor:
-        """(B, inputs, T) → (B, channels, T); column t depends on columns up to t alone."""
+    def forward(self, values: Tensor, present: Tensor) -> Tensor:
+        """Last nodes in time order, (B, reach, inputs), and which of them there are, (B, reach, 1) → (B, channels).
+
+        Where a series is shorter, what is missing at its beginning must be zero.
+        """
         for i, layer in enumerate(self.layers):
-            reach = (self.kernel - 1) * 2**i
-            values = layer(nn.functional.pad(values if i == 0 else torch.relu(values), (reach, 0)))
-        return values
+            if i > 0:  # at nodes that there are not a layer's outputs are zero, too
+                present = present[:, self.kernel - 1 :: 2]
+                values = torch.relu(values) * present
+            seen = values.unfold(1, self.kernel, 2).flatten(2)
+            values = nn.functional.linear(seen, layer.weight.flatten(1), layer.bias)
+        return values.squeeze(1)
 
 
 class TemporalEncoder(nn.Module):
@@ -151,11 +166,11 @@ class TemporalEncoder(nn.Module):
 
     def forward(self, values: Tensor, trajectory: Tensor) -> Tensor:
         """Last output: (B, N, inputs) whose first `trajectory` rows are the trajectory's, (B,) → (B, channels)."""
-        longest = int(trajectory.max())
-        series = values[:, :longest].transpose(1, 2)
-        outputs = torch.tanh(self.content(series)) * torch.sigmoid(self.gate(series))
-        last = (trajectory - 1).view(-1, 1, 1).expand(-1, outputs.shape[1], 1)
-        return outputs.gather(2, last).squeeze(2)
+        rows = trajectory.unsqueeze(1) - torch.arange(self.content.reach, 0, -1)
+        present = (rows >= 0).unsqueeze(2)
+        index = rows.clamp(min=0).unsqueeze(2).expand(-1, -1, values.shape[2])
+        last = values.gather(1, index) * present
+        return torch.tanh(self.content(last, present)) * torch.sigmoid(self.gate(last, present))
 
 
 class StateEncoder(nn.Module):

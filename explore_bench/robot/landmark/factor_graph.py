@@ -8,6 +8,7 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
+from explore_bench.compiled import jit
 from explore_bench.geometry import Array, Pose, compose
 from explore_bench.world.landmark.constants import LandmarkScenario
 from explore_bench.world.signals import Odometry, Sightings
@@ -155,8 +156,7 @@ class FactorGraph:
 
     def _is_torn(self, poses: Array) -> bool:
         """Whether two poses in a row lie farther apart than the longest step and TORN of its deviations."""
-        steps = np.diff(poses[:, :2], axis=0)
-        return bool(len(steps)) and float(np.hypot(steps[:, 0], steps[:, 1]).max()) > self._reach
+        return _longest_step(poses) > self._reach
 
     def _solve_anew(self) -> None:
         """Solve the whole graph from the estimates before, and let iSAM2 go on from there.
@@ -178,3 +178,12 @@ class FactorGraph:
 
 def _sigmas(*values: float) -> gtsam.noiseModel.Diagonal:
     return gtsam.noiseModel.Diagonal.Sigmas(np.array(values))
+
+
+@jit
+def _longest_step(poses: Array) -> float:
+    """Longest way from a pose to the next [m], 0 where there is none."""
+    longest = 0.0
+    for k in range(poses.shape[0] - 1):
+        longest = max(longest, math.hypot(poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1]))
+    return longest
