@@ -152,7 +152,7 @@ class CausalConvolution(nn.Module):
                 present = present[:, self.kernel - 1 :: 2]
                 values = torch.relu(values) * present
             seen = values.unfold(1, self.kernel, 2).flatten(2)
-            values = nn.functional.linear(seen, layer.weight.flatten(1), layer.bias)
+            values = nn.functional.linear(seen, layer.get_parameter("weight").flatten(1), layer.get_parameter("bias"))
         return values.squeeze(1)
 
 

@@ -23,6 +23,9 @@ LEVEL = 0.05
 
 CONFIDENCE = 1.0 - LEVEL
 RESAMPLES = 5000
+AT_ONCE = 64
+"""Samples that are resampled together: their resamples take megabytes."""
+
 PERMUTATIONS = 9999
 
 
@@ -45,7 +48,17 @@ def mean_interval(values: np.ndarray, seed: int = 0) -> Estimate:
     ------
     ValueError : when a value is not finite.
     """
-    return _interval(values, np.mean, seed)
+    return mean_intervals([values], seed)[0]
+
+
+def mean_intervals(samples: Sequence[np.ndarray], seed: int = 0) -> list[Estimate]:
+    """`mean_interval` of many samples, shape (n,) each, in a third of the time that one after the other takes.
+
+    Raises
+    ------
+    ValueError : when a value is not finite.
+    """
+    return _intervals(samples, np.mean, seed)
 
 
 def interquartile_mean_interval(values: np.ndarray, seed: int = 0) -> Estimate:
@@ -60,38 +73,58 @@ def interquartile_mean_interval(values: np.ndarray, seed: int = 0) -> Estimate:
     """
     from scipy.stats import trim_mean
 
-    return _interval(values, lambda x, axis=-1: trim_mean(x, 0.25, axis=axis), seed)
+    def middle(x: np.ndarray, axis: int = -1) -> Any:
+        return trim_mean(x, 0.25, axis=axis)
+
+    return _intervals([values], middle, seed)[0]
 
 
-def _interval(values: np.ndarray, statistic: Callable[..., Any], seed: int) -> Estimate:
-    values = np.asarray(values, dtype=float)
-    if not np.isfinite(values).all():
-        raise ValueError(f"{np.count_nonzero(~np.isfinite(values))} of {len(values)} values are not finite")
-    if not len(values):
-        return Estimate(math.nan, math.nan, math.nan, 0)
-    mean = float(statistic(values))
-    if len(values) == 1:
-        return Estimate(mean, math.nan, math.nan, 1)
-    if np.ptp(values) == 0.0:
-        return Estimate(mean, mean, mean, len(values))
-    from scipy.stats import bootstrap
+def _intervals(samples: Sequence[np.ndarray], statistic: Callable[..., Any], seed: int) -> list[Estimate]:
+    """A statistic of each sample with its BCa interval, of up to AT_ONCE of the same size at a time."""
+    rows = [np.asarray(values, dtype=float) for values in samples]
+    for row in rows:
+        if not np.isfinite(row).all():
+            raise ValueError(f"{np.count_nonzero(~np.isfinite(row))} of {len(row)} values are not finite")
+    found: dict[int, Estimate] = {}
+    for count in dict.fromkeys(map(len, rows)):
+        own = [i for i, row in enumerate(rows) if len(row) == count]
+        for first in range(0, len(own), AT_ONCE):
+            part = own[first : first + AT_ONCE]
+            found |= zip(part, _of_one_size(np.array([rows[i] for i in part]), statistic, seed), strict=True)
+    return [found[i] for i in range(len(rows))]
 
-    resampled = statistic(values[_resamples(len(values), seed)], axis=-1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a degenerate bootstrap distribution is answered below
-        interval = bootstrap(
-            (values,),
-            statistic,
-            n_resamples=0,
-            confidence_level=CONFIDENCE,
-            method="BCa",
-            vectorized=True,
-            bootstrap_result=_Resampled(resampled),  # type: ignore[arg-type]
-        ).confidence_interval
-    low, high = float(interval.low), float(interval.high)
-    if not (math.isfinite(low) and math.isfinite(high)):
-        low, high = _percentiles(resampled)
-    return Estimate(mean, low, high, len(values))
+
+def _of_one_size(samples: np.ndarray, statistic: Callable[..., Any], seed: int) -> list[Estimate]:
+    """`_intervals` of samples of shape (S, n)."""
+    count = samples.shape[1]
+    if not count:
+        return [Estimate(math.nan, math.nan, math.nan, 0)] * len(samples)
+    means = [float(statistic(sample)) for sample in samples]
+    if count == 1:
+        return [Estimate(mean, math.nan, math.nan, 1) for mean in means]
+    ends = [(mean, mean) for mean in means]
+    varied = np.flatnonzero(np.ptp(samples, axis=1) > 0.0)
+    if len(varied):
+        from scipy.stats import bootstrap
+
+        resamples = _resamples(count, seed)
+        resampled = np.array([statistic(samples[i][resamples], axis=-1) for i in varied])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a degenerate bootstrap distribution is answered below
+            interval = bootstrap(
+                (samples[varied],),
+                statistic,
+                n_resamples=0,
+                confidence_level=CONFIDENCE,
+                method="BCa",
+                axis=-1,
+                vectorized=True,
+                bootstrap_result=_Resampled(resampled),  # type: ignore[arg-type]
+            ).confidence_interval
+        for i, low, high, means_of_i in zip(varied, interval.low, interval.high, resampled, strict=True):
+            whole = math.isfinite(low) and math.isfinite(high)
+            ends[i] = (float(low), float(high)) if whole else _percentiles(means_of_i)
+    return [Estimate(mean, low, high, count) for mean, (low, high) in zip(means, ends, strict=True)]
 
 
 class _Resampled(NamedTuple):
@@ -141,8 +174,12 @@ def paired_difference(a: dict[int, float], b: dict[int, float], seed: int = 0) -
     ------
     ValueError : when a value of such a world is not finite.
     """
-    worlds = sorted(a.keys() & b.keys())
-    return mean_interval(np.array([a[world] - b[world] for world in worlds]), seed)
+    return mean_interval(differences_of(a, b), seed)
+
+
+def differences_of(a: dict[int, float], b: dict[int, float]) -> np.ndarray:
+    """Values of a less those of b in the worlds that both have, ascending; keys are worlds."""
+    return np.array([a[world] - b[world] for world in sorted(a.keys() & b.keys())])
 
 
 def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:

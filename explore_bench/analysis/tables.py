@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import pandas as pd
 from explore_bench.analysis.csv_files import KEYS, write_table
 from explore_bench.analysis.metrics import METRICS, REGRETS, metrics_of, regret
 from explore_bench.analysis.rounding import rounded
-from explore_bench.analysis.statistics import Estimate, mean_interval
+from explore_bench.analysis.statistics import mean_intervals
 from explore_bench.errors import RequestError
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.provenance import weights_digest
@@ -51,20 +51,23 @@ SUMMARY_COLUMNS = (
     *("table", "strategy", "size", "metric", "n", "failed", "mean", "ci_low", "ci_high", "paper"),
     *("seeds", "seed_low", "seed_high", "scenario"),
 )
+ESTIMATED = ("mean", "ci_low", "ci_high")
 WORLD_COLUMNS = ("scenario", "size", "trial", "world")
 """Those of worlds of every kind; the facts of a kind follow them."""
 
 
-def read_trials(store: Store) -> tuple[pd.DataFrame, list[TrialRecord], int]:
+def read_trials(
+    store: Store, records_of: Callable[[Store, Callable[[TrialRecord], Any]], tuple[list[Any], int]] = Store.records
+) -> tuple[pd.DataFrame, list[TrialRecord], int]:
     """`trial_table` of a store's current trials, these in brief, and how many stored ones are stale.
 
-    One whole trial is in memory at a time.
+    One whole trial is in memory at a time. `records_of` reads them; it gives what `Store.records` does.
 
     Raises
     ------
     RequestError : as `trial_table`.
     """
-    found, stale = store.records(lambda record: (record.brief(), trial_row(record)))
+    found, stale = records_of(store, in_brief)
     records = [record for record, _ in found]
     return _table_of(records, [row for _, row in found]), records, stale
 
@@ -82,6 +85,11 @@ def trial_table(records: Sequence[TrialRecord]) -> pd.DataFrame:
     RequestError : where two different strategies, or sets of weights, have the same name.
     """
     return _table_of(records, [trial_row(record) for record in records])
+
+
+def in_brief(record: TrialRecord) -> tuple[TrialRecord, dict[str, Any]]:
+    """A record in brief, and its row."""
+    return record.brief(), trial_row(record)
 
 
 def trial_row(record: TrialRecord) -> dict[str, Any]:
@@ -209,7 +217,8 @@ def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.
     ran) has no mean of a metric for which it does not plan, but its n and its failed trials. What the paper prints
     stands beside trials of its own scenario alone.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
+    samples: dict[int, np.ndarray] = {}  # of a row's metric
     metrics = [*FIRST_METRICS, "decisions", *FURTHER_METRICS, *REGRETS, *own_metrics(trials)]
     printed = of_paper(trials)
     scenario = str(trials["scenario"].iloc[0]) if len(trials) else PAPER_SCENARIO
@@ -228,9 +237,10 @@ def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.
                     values = np.array(list(by_world(cell, metric).values()))
                     if np.isnan(values).any():
                         continue  # not defined for every trial: no mean over those for which it is
-                    estimate, of_seeds = mean_interval(values), seed_means(cell, metric)
-                    if not entry.fills(metric):
-                        estimate = Estimate(math.nan, math.nan, math.nan, estimate.n)
+                    of_seeds = seed_means(cell, metric)
+                    if entry.fills(metric):
+                        samples[len(rows)] = values
+                    else:
                         of_seeds = [math.nan] * len(of_seeds)
                     rows.append(
                         {
@@ -238,11 +248,8 @@ def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.
                             "strategy": name,
                             "size": size,
                             "metric": metric,
-                            "n": estimate.n,
+                            "n": len(values),
                             "failed": int((cell["status"] != "explored").sum()),
-                            "mean": estimate.mean,
-                            "ci_low": estimate.low,
-                            "ci_high": estimate.high,
                             "paper": paper,
                             "seeds": len(of_seeds),
                             "seed_low": min(of_seeds, default=math.nan),
@@ -250,4 +257,6 @@ def summary_table(trials: pd.DataFrame, references: Collection[str] = ()) -> pd.
                             "scenario": scenario,
                         }
                     )
-    return rounded(pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS)))
+    for row, estimate in zip(samples, mean_intervals(list(samples.values())), strict=True):
+        rows[row] |= {"mean": estimate.mean, "ci_low": estimate.low, "ci_high": estimate.high}
+    return rounded(pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS)).astype(dict.fromkeys(ESTIMATED, float)))

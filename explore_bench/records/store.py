@@ -6,7 +6,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,9 @@ HALF = re.compile(r"\.[0-9a-f]{32}$")
 
 ABANDONED_SECONDS = 3600.0
 """A file half written for so long is that of a process that was killed."""
+
+Order = tuple[str, int, float, int]
+"""Strategy, training seed (−1: none), size and trial."""
 
 _PROTOCOL = {"root": "root seed", "purpose": "purpose", "scenario": "scenario"}
 
@@ -188,16 +191,28 @@ class Store:
 
         Thousands of whole records fill a memory: `keep` says what to keep of each, the rest is forgotten at once.
         """
+        found, stale = self.part(self.shards(), keep)
+        return in_order_of_table(found), stale
+
+    def shards(self) -> list[Path]:
+        """Files of all shards, in the order of their keys."""
+        self.protocol()
+        return sorted(self.runs.glob("*.parquet"))
+
+    def part(self, shards: Iterable[Path], keep: Callable[[TrialRecord], Any]) -> tuple[list[tuple[Order, Any]], int]:
+        """Of some shards what `records` gives of all, in any order, each with its place in the order of the table."""
         found, stale = [], 0
-        for _, record in self.survey(mend=True):
+        for _, record in self.survey(shards, mend=True):
             if record is None:
                 stale += 1
             else:
                 found.append((_order(record), keep(record)))
-        return [kept for _, kept in sorted(found, key=itemgetter(0))], stale
+        return found, stale
 
-    def survey(self, mend: bool = False) -> Iterator[tuple[Path, TrialRecord | None]]:
-        """Every shard in the order of the keys, with its record, or None where it is stale.
+    def survey(
+        self, shards: Iterable[Path] | None = None, mend: bool = False
+    ) -> Iterator[tuple[Path, TrialRecord | None]]:
+        """Every shard (None: of the folder) with its record, or None where it is stale.
 
         Damaged ones are moved aside if it is to `mend` the folder.
 
@@ -205,8 +220,7 @@ class Store:
         ------
         DamagedError : at the first damaged one otherwise.
         """
-        self.protocol()
-        for path in sorted(self.runs.glob("*.parquet")):
+        for path in self.shards() if shards is None else shards:
             try:
                 shard = opened(path)
                 facts = facts_of(shard, path)
@@ -219,7 +233,12 @@ class Store:
             yield path, record
 
 
-def _order(record: TrialRecord) -> tuple[str, int, float, int]:
+def in_order_of_table(found: Iterable[tuple[Order, Any]]) -> list[Any]:
+    """What was kept of records, in the order of `trials.csv`."""
+    return [kept for _, kept in sorted(found, key=itemgetter(0))]
+
+
+def _order(record: TrialRecord) -> Order:
     spec = record.spec
     return spec.strategy, -1 if spec.training_seed is None else spec.training_seed, spec.scenario.size, spec.trial
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -91,21 +92,43 @@ def plain_log(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+_postponed: ContextVar[list[tuple[bytes, Path]] | None] = ContextVar("postponed", default=None)
+
+
+@contextmanager
+def postponing() -> Iterator[list[tuple[bytes, Path]]]:
+    """Write no figure in the block: `save_all` puts them into the list that this gives, as `draw` takes them."""
+    postponed: list[tuple[bytes, Path]] = []
+    token = _postponed.set(postponed)
+    try:
+        yield postponed
+    finally:
+        _postponed.reset(token)
+
+
 def save_all(figure: Figure | None, stem: Path) -> list[Path]:
     """Write a figure as SVG and PNG and return the files; without one, remove what an earlier report left."""
     files = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
-    if figure is not None and (layout := figure.get_layout_engine()):
-        layout.execute(figure)  # once for both files: it takes as long as drawing one
-        figure.set_layout_engine("none")
-    for file in files:
-        if figure is None:
-            file.unlink(missing_ok=True)
-        else:
-            save(figure, file)
     if figure is None:
+        for file in files:
+            file.unlink(missing_ok=True)
         return []
+    if (postponed := _postponed.get()) is not None:
+        postponed.append((pickle.dumps(figure), stem))
+    else:
+        if layout := figure.get_layout_engine():
+            layout.execute(figure)  # once for both files: it takes as long as drawing one
+            figure.set_layout_engine("none")
+        for file in files:
+            save(figure, file)
     plt.close(figure)
     return files
+
+
+def draw(pickled: bytes, stem: Path) -> None:
+    """Write a figure that was postponed."""
+    with styled():
+        save_all(pickle.loads(pickled), stem)
 
 
 def save(figure: Figure, path: Path) -> None:

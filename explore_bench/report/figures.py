@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -291,13 +292,19 @@ def _duration(record: TrialRecord) -> int:
     return int(record.steps["step"][-1]) if finished(record) else record.spec.scenario.step_limit
 
 
+@lru_cache(maxsize=8)
+def _weights(count: int, root: int) -> np.ndarray:
+    """Weight of each world in each resample of a band, shape (RESAMPLES, count)."""
+    rng = stream("evaluate", root, 0, 0, "statistics")
+    return np.asarray(rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES) / count)
+
+
 def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root: int) -> tuple[np.ndarray, np.ndarray]:
     """Draw the mean over worlds of values, shape (worlds, steps), and its pointwise bootstrap band; return this."""
     entry = entry_of(strategy)
     count = len(values)
-    rng = stream("evaluate", root, 0, 0, "statistics")
-    weights = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES) / count
-    low, high = np.quantile(weights @ values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+    ends = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
+    low, high = np.quantile(values.T @ _weights(count, root).T, ends, axis=1)
     style = "--" if entry.reference else "-"
     axes.plot(step, values.mean(axis=0), color=entry.color, linestyle=style, linewidth=1.3, label=shown_name(strategy))
     if count > 1:

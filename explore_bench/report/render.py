@@ -24,6 +24,7 @@ from explore_bench.report.pages.field import field_tables, write_field_figures
 from explore_bench.report.pages.maps import maps_figure, write_map_report
 from explore_bench.report.pages.sensitivity import write_sensitivity
 from explore_bench.report.pages.training import write_training_figures
+from explore_bench.report.sharing import figures_aside, shared_records
 from explore_bench.report.tables import PAPER_TABLES, SUFFIXES, Table, kind_tables, report_tables, write_tables
 from explore_bench.world.kinds import kind_of
 
@@ -50,7 +51,7 @@ def write_report(folder: Path) -> Report:
     RequestError : where the folder holds no current trial, or cannot be written.
     """
     store = Store(folder)
-    every, records, stale = read_trials(store)
+    every, records, stale = read_trials(store, shared_records)
     if not records:
         what = f"{stale} trials of older code or libraries" if stale else "no trials"
         raise RequestError(f"results folder '{folder}' holds {what}; run some with 'explore-bench run SUITE'.")
@@ -91,25 +92,34 @@ def _write_all(
 
     Means over worlds, and what follows from them, are written where all trials ran with one set of physical constants.
     """
-    found, tables = examined(trials), field_tables(trials, read_times(folder)) | own
-    files = [*write_claims(found, folder), *drawn, *write_field_figures(trials, found, folder / "figures")]
-    if trials["scenario"].nunique() == 1:
-        summary = summary_table(trials, {name for name in set(trials["strategy"]) if entry_of(name).reference})
-        files.append(write_table(summary, folder / "summary.csv"))
-        tables |= report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
-        files += write_survival_figures(trials, folder / "figures")
-    claims = {"claims": overview(found)} if found else {}
-    if trials["scenario"].nunique() == 1:
-        only = str(trials["scenario"].iloc[0])
-        tables = {key: table.naming(only) for key, table in tables.items()}
-    earlier = {"claims", "field", "means", *PAPER_TABLES} - tables.keys() - claims.keys()
-    for other in earlier:  # of a report of other trials
-        for suffix in SUFFIXES:
-            (folder / "tables" / f"{other}{suffix}").unlink(missing_ok=True)
-    files += write_tables(claims | tables, folder / "tables")
-    files += write_figures(store, [record for record in records if counts(record)], folder / "figures")
-    files += _write_ways(store, records, folder / "figures" / "ways")
-    files += write_training_figures(folder / "figures", set(trials["strategy"])) if of_paper(trials) else []
+    found, counted = examined(trials), [record for record in records if counts(record)]
+    alone = trials["scenario"].nunique() == 1
+
+    def figures() -> list[Path]:
+        place = folder / "figures"
+        return [
+            *write_field_figures(trials, found, place),
+            *(write_survival_figures(trials, place) if alone else ()),
+            *write_figures(store, counted, place),
+            *_write_ways(store, records, place / "ways"),
+            *(write_training_figures(place, set(trials["strategy"])) if of_paper(trials) else ()),
+        ]
+
+    with figures_aside(len(records), figures) as others:
+        files = [*write_claims(found, folder), *drawn, *others]
+        tables = field_tables(trials, read_times(folder)) | own
+        if alone:
+            summary = summary_table(trials, {name for name in set(trials["strategy"]) if entry_of(name).reference})
+            files.append(write_table(summary, folder / "summary.csv"))
+            tables |= report_tables(trials, summary) | agreement_tables(trials, summary) | aggregate_tables(trials)
+            only = str(trials["scenario"].iloc[0])
+            tables = {key: table.naming(only) for key, table in tables.items()}
+        claims = {"claims": overview(found)} if found else {}
+        earlier = {"claims", "field", "means", *PAPER_TABLES} - tables.keys() - claims.keys()
+        for other in earlier:  # of a report of other trials
+            for suffix in SUFFIXES:
+                (folder / "tables" / f"{other}{suffix}").unlink(missing_ok=True)
+        files += write_tables(claims | tables, folder / "tables")
     svgs = [file for file in files if file.suffix == ".svg"]
     sections = (claims_section(found),) if found else ()
     said = verdicts(tried(found, trials))

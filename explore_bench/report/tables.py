@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from explore_bench.analysis.metrics import METRICS, REGRETS, Metric
-from explore_bench.analysis.statistics import Estimate, mean_interval, paired_difference
+from explore_bench.analysis.statistics import Estimate, differences_of, mean_interval, mean_intervals
 from explore_bench.analysis.tables import by_world, of_paper
 from explore_bench.files import write_whole
 from explore_bench.records.encoding import TrialRecord
@@ -239,24 +239,28 @@ def details_table(trials: pd.DataFrame, summary: pd.DataFrame) -> Table:
 def paired_table(trials: pd.DataFrame) -> Table:
     """Differences between every two strategies, paired by world; references are compared with nobody."""
     header = ["size [m]", "A", "B", "n", *(f"{heading(METRICS[name])}: A − B" for name in PAIRED_METRICS)]
-    rows, scopes = [], []
+    heads, scopes = [], []
+    pairs: list[tuple[dict[int, float], dict[int, float]]] = []
     for size in sorted(set(trials["size"])):
         cells = {name: cell for (name, s), cell in groups_of(trials) if s == size and not entry_of(name).reference}
         values = {name: [by_world(cell, metric) for metric in PAIRED_METRICS] for name, cell in cells.items()}
         for a, b in itertools.combinations(cells, 2):
             both = values[a][0].keys() & values[b][0].keys()
-            texts = [paired_text(own, other) for own, other in zip(values[a], values[b], strict=True)]
-            rows.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both)), *texts))
+            heads.append((f"{size:g}", entry_of(a).label, entry_of(b).label, str(len(both))))
+            pairs += zip(values[a], values[b], strict=True)
             scopes.append(Scope((a, b), size))
+    texts, many = paired_texts(pairs), len(PAIRED_METRICS)
+    rows = [(*head, *texts[many * i : many * (i + 1)]) for i, head in enumerate(heads)]
     note = "Mean difference over the worlds that both tried, scored as above [95 % BCa bootstrap interval]."
     title = "Differences between strategies, paired by world"
     return Table(title, tuple(header), tuple(rows), note, tuple(scopes))
 
 
-def paired_text(a: dict[int, float], b: dict[int, float]) -> str:
-    """Difference of two strategies; a dash without a common world or where a trial lacks the metric."""
-    values = [*a.values(), *b.values()]
-    return interval_text(paired_difference(a, b)) if a.keys() & b.keys() and all(map(math.isfinite, values)) else "–"
+def paired_texts(pairs: Sequence[tuple[dict[int, float], dict[int, float]]]) -> list[str]:
+    """Difference of two strategies each; a dash without a common world or where a trial lacks the metric."""
+    shown = [bool(a.keys() & b.keys()) and all(map(math.isfinite, (*a.values(), *b.values()))) for a, b in pairs]
+    found = iter(mean_intervals([differences_of(*pair) for pair, own in zip(pairs, shown, strict=True) if own]))
+    return [interval_text(next(found)) if own else "–" for own in shown]
 
 
 def groups_of(trials: pd.DataFrame) -> list[tuple[tuple[str, float], pd.DataFrame]]:

@@ -20,6 +20,7 @@ from explore_bench.analysis.statistics import (
     improvement_probability,
     interquartile_mean_interval,
     mean_interval,
+    mean_intervals,
     order_agreement,
     paired_difference,
     ratio_interval,
@@ -91,12 +92,28 @@ def test_where_bca_cannot_be_had_the_interval_is_that_of_percentiles(statistic, 
     """Either end may be what is not finite."""
     values = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0])
     for ends in ((math.nan, 5.0), (5.0, math.nan), (math.nan, math.nan)):
-        broken = SimpleNamespace(confidence_interval=SimpleNamespace(low=ends[0], high=ends[1]))
+        broken = SimpleNamespace(confidence_interval=SimpleNamespace(low=np.array(ends[:1]), high=np.array(ends[1:])))
         monkeypatch.setattr(scipy.stats, "bootstrap", lambda *given, broken=broken, **options: broken)
         drawn = stream("evaluate", 0, 0, 0, "statistics").choice(values, (RESAMPLES, 8))
         means = drawn.mean(axis=1) if statistic is mean_interval else trim_mean(drawn, 0.25, axis=1)
         found = statistic(values)
         assert [found.low, found.high] == pytest.approx(np.quantile(means, [0.025, 0.975]))
+
+
+def test_many_intervals_are_those_of_each_alone(monkeypatch):
+    monkeypatch.setattr(statistics, "AT_ONCE", 3)
+    rng = np.random.default_rng(2)
+    samples = [rng.exponential(size=n) for n in (9, 20, 9, 1, 0, 20, 9, 9, 2)]
+    samples[5:5] = [np.full(20, 0.3), np.array([1.0, 1.0, 1.0, 5.0])]
+    found = mean_intervals(samples, seed=4)
+    assert len(found) == len(samples)
+    for own, sample in zip(found, samples, strict=True):
+        alone = mean_interval(sample, seed=4)
+        assert own.n == alone.n == len(sample)
+        ends = (own.mean, own.low, own.high), (alone.mean, alone.low, alone.high)
+        np.testing.assert_allclose(*ends, rtol=1e-12)
+    with pytest.raises(ValueError, match="1 of 9 values are not finite"):
+        mean_intervals([samples[0], np.array([*samples[0][1:], math.nan])])
 
 
 def test_without_values_there_is_no_mean():

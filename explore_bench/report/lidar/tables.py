@@ -8,7 +8,7 @@ from explore_bench.analysis.lidar.metrics import METRICS as OWN
 from explore_bench.analysis.metrics import METRICS as COMMON
 from explore_bench.analysis.tables import by_world
 from explore_bench.report.drawing import entry_of
-from explore_bench.report.tables import Scope, Table, groups_of, heading, mean_text, paired_text, shown_name
+from explore_bench.report.tables import Scope, Table, groups_of, heading, mean_text, paired_texts, shown_name
 
 METRICS = COMMON | OWN
 
@@ -77,7 +77,7 @@ def paired_table(trials: pd.DataFrame) -> Table:
             if other[1:] != (scenario, size) or other[0] == strategy or not entry_of(other[0]).baseline:
                 continue
             both = set(cell["trial"]) & set(base["trial"])
-            found = (paired_text(by_world(cell, name), by_world(base, name)) for name in PAIRED_METRICS)
+            found = paired_texts([(by_world(cell, name), by_world(base, name)) for name in PAIRED_METRICS])
             labels = entry_of(strategy).label, entry_of(other[0]).label
             rows.append((*labels, scenario, f"{size:g}", str(len(both)), *found))
             scopes.append(Scope((strategy, other[0]), size))
