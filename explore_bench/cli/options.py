@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from explore_bench.cli.completion import maps, one_of, scenarios
+from explore_bench.cli.completion import maps, one_of, scenarios, strategies
 from explore_bench.errors import RequestError, one_line
 
 if TYPE_CHECKING:
@@ -37,6 +37,19 @@ root_option = click.option(
 json_option = click.option(
     "--json", "file", type=click.Path(path_type=Path), metavar="FILE", help="Write the numbers as JSON, too."
 )
+
+
+def strategies_option(help: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Option of strategies as `lookup` takes them; repeatable."""
+    return click.option(
+        "-s",
+        "--strategy",
+        "names",
+        multiple=True,
+        metavar="STRATEGY",
+        shell_complete=one_of(strategies, files=True),
+        help=f"{help}: NAME, MODULE:FACTORY or FILE.py:FACTORY, then [key=value,…] if need be; repeatable.",
+    )
 
 
 def tell_damaged(shards: Sequence[Path]) -> None:

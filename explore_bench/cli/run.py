@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from explore_bench.cli.completion import one_of, strategies, suites
+from explore_bench.cli.completion import one_of, suites
 from explore_bench.cli.options import (
     DONE,
     INCOMPLETE,
@@ -20,6 +20,7 @@ from explore_bench.cli.options import (
     physics_of,
     results_option,
     root_option,
+    strategies_option,
     tell_damaged,
     tell_map,
     world_options,
@@ -34,15 +35,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("suite", shell_complete=one_of(suites))
-@click.option(
-    "-s",
-    "--strategy",
-    "names",
-    multiple=True,
-    metavar="STRATEGY",
-    shell_complete=one_of(strategies, files=True),
-    help="Not the suite's: NAME, MODULE:FACTORY or FILE.py:FACTORY, then [key=value,…] if need be; repeatable.",
-)
+@strategies_option("Not the suite's")
 @click.option("--size", "sizes", type=float, multiple=True, metavar="M", help="Edge of the map [m]; repeatable.")
 @click.option("--trials", type=int, metavar="N", help="Worlds a size.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: one a processor).")

@@ -10,7 +10,7 @@ import json
 import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from explore_bench.files import write_whole
 from explore_bench.runs.perf_by_lidar import SCENES, ScenePart, SceneTimes, measure_scene, scene_table
 from explore_bench.runs.stopwatch import Stopwatch
 from explore_bench.strategies.entry import Entry
-from explore_bench.strategies.registry import strategies
+from explore_bench.strategies.registry import lookup_ready, strategies
 from explore_bench.trial.run import TrialResult, run_trial
 from explore_bench.trial.spec import TrialSpec
 from explore_bench.world.scenario import Scenario
@@ -77,8 +77,16 @@ class Perf:
     scenes: list[SceneTimes] = field(default_factory=list)
 
 
-def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
-    """Run the trials and take the times; about two minutes, after a first run that compiles."""
+def measure(say: Callable[[str], None] = lambda line: None, names: Sequence[str] = ()) -> Perf:
+    """Run the trials and take the times; about two minutes, after a first run that compiles.
+
+    Decisions and whole trials are those of all strategies, or of `names`, as `lookup` takes them.
+
+    Raises
+    ------
+    RequestError : where there is no such strategy, or it is not trained.
+    """
+    measured = dict(map(lookup_ready, names)) if names else {n: own for n, own in strategies().items() if own.ready}
     ratios: dict[str, float] = {}
     medians: dict[str, dict[str, float]] = {}
     growth: dict[str, float] = {}
@@ -109,12 +117,11 @@ def measure(say: Callable[[str], None] = lambda line: None) -> Perf:
         growth[key] = totals[1000] / totals[100]
     decisions: dict[str, dict[str, float]] = {}
     trial_cpu: dict[str, dict[str, float]] = {}
-    for name, entry in strategies().items():
-        if entry.ready:
-            say(f"whole trials of {name}")
-            times = {f"{size:g}": _whole_trials(name, entry, size) for size in SIZES}
-            decisions[name] = {key: decision for key, (decision, _) in times.items()}
-            trial_cpu[name] = {key: seconds for key, (_, seconds) in times.items()}
+    for name, entry in measured.items():
+        say(f"whole trials of {name}")
+        times = {f"{size:g}": _whole_trials(name, entry, size) for size in SIZES}
+        decisions[name] = {key: decision for key, (decision, _) in times.items()}
+        trial_cpu[name] = {key: seconds for key, (_, seconds) in times.items()}
     scenes = []
     for scene in SCENES:
         say(f"whole trials by lidar, {scene}")

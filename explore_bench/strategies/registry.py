@@ -125,6 +125,19 @@ def lookup(name: str) -> tuple[str, Entry]:
     return _with_parameters(factory, plugin_entry(asked, factory), parameters)
 
 
+def lookup_ready(name: str) -> tuple[str, Entry]:
+    """`lookup` of a strategy that can run.
+
+    Raises
+    ------
+    RequestError : also where it is not trained.
+    """
+    name, entry = lookup(name)
+    if not entry.ready:
+        raise RequestError(f"strategy '{name}' is not trained; choose one that 'explore-bench list' calls ready.")
+    return name, entry
+
+
 def entry_named(name: str, references: Collection[str] = ()) -> Entry:
     """Entry of a strategy by the name of its records, also of one that is not registered: its label and its colour.
 

@@ -526,7 +526,7 @@ def test_measurements_that_cannot_be_written(call, tmp_path, monkeypatch):
     from explore_bench.runs import perf
 
     nothing = perf.Perf({"20": 1.0, "40": 1.0}, {}, {"20": 1.0, "40": 1.0}, {}, [])
-    monkeypatch.setattr(perf, "measure", lambda say: nothing)
+    monkeypatch.setattr(perf, "measure", lambda say, names: nothing)
     code, _, err = call("perf", "--json", tmp_path / "nowhere" / "perf.json")
     assert (code, err.count("\n")) == (2, 1)
     assert str(tmp_path / "nowhere" / "perf.json") in err

@@ -55,6 +55,15 @@ def test_decisions_are_those_of_the_strategies_that_can_run(cheap):
     assert measure().decision_ms == {"nearest": {"20": 2.0, "40": 4.0}}
 
 
+@pytest.mark.usefixtures("cheap")
+def test_decisions_may_be_those_of_strategies_that_are_asked_for(untrained):
+    found = measure(names=("baselines.random_walk:Random", "nearest")).trial_cpu_s
+    assert list(found) == ["Random", "nearest"]
+    untrained("gcn-obs")
+    with pytest.raises(RequestError, match="strategy 'gcn-obs' is not trained"):
+        measure(names=("gcn-obs",))
+
+
 def test_parts_are_given_for_whole_trials_and_each_length_of_trajectory(cheap):
     parts = measure().parts
     assert {(part.size, part.length) for part in parts} == {

@@ -7,11 +7,10 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from typing import Any
 
-from explore_bench.errors import RequestError
 from explore_bench.runs.conformance.tours import SMALL, Tour
 from explore_bench.strategies.entry import Entry
 from explore_bench.strategies.loading import make_strategy
-from explore_bench.strategies.registry import lookup
+from explore_bench.strategies.registry import lookup_ready
 from explore_bench.trial.spec import TrialSpec
 
 TIMEOUT = 60.0
@@ -40,10 +39,7 @@ class Subject:
         ------
         RequestError : where there is none of this name, or it is not trained.
         """
-        name, entry = lookup(strategy)
-        if not entry.ready:
-            raise RequestError(f"strategy '{name}' is not trained; choose one that 'explore-bench list' calls ready.")
-        return cls(name, entry, timeout)
+        return cls(*lookup_ready(strategy), timeout)
 
     def spec(self, tour: Tour) -> TrialSpec:
         """Return its own trial in the world of a tour, with the weights of the first training seed."""
