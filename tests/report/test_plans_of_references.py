@@ -72,7 +72,7 @@ def written(tmp_path, monkeypatch):
 
     def write(folder):
         records = records_of(folder)
-        monkeypatch.setattr(render, "read_trials", lambda _: (trial_table(records), records, 0))
+        monkeypatch.setattr(render, "read_trials", lambda *_: (trial_table(records), records, 0))
         render.write_report(tmp_path)
         return {path.stem: [*csv.reader(path.open(encoding="utf-8"))] for path in (tmp_path / "tables").glob("*.csv")}
 
