@@ -52,7 +52,7 @@ def mean_interval(values: np.ndarray, seed: int = 0) -> Estimate:
 
 
 def mean_intervals(samples: Sequence[np.ndarray], seed: int = 0) -> list[Estimate]:
-    """`mean_interval` of many samples, shape (n,) each, in a third of the time that one after the other takes.
+    """`mean_interval` of many samples, shape (n,) each, in less than half of the time that one after the other takes.
 
     Raises
     ------
@@ -140,10 +140,10 @@ def _resamples(count: int, seed: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _weights(count: int, seed: int) -> np.ndarray:
-    """How often each value stands in each resample, shape (RESAMPLES, count), read-only."""
+def resample_weights(count: int, seed: int, resamples: int = RESAMPLES) -> np.ndarray:
+    """How often each of so many values stands in each resample, shape (resamples, count), read-only."""
     rng = stream("evaluate", seed, 0, 0, "statistics")
-    return _fixed(rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES).astype(float))
+    return _fixed(rng.multinomial(count, np.full(count, 1.0 / count), resamples).astype(float))
 
 
 @lru_cache(maxsize=8)
@@ -193,7 +193,7 @@ def ratio_interval(a: np.ndarray, b: np.ndarray, seed: int = 0) -> Estimate:
     ratio = float(np.mean(a) / np.mean(b))
     if count < 2:
         return Estimate(ratio, math.nan, math.nan, count)
-    weights = _weights(count, seed)
+    weights = resample_weights(count, seed)
     below = weights @ b
     if not (np.all(below > 0) or np.all(below < 0)):
         return Estimate(ratio, math.nan, math.nan, count)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from functools import lru_cache
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -13,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from explore_bench.analysis.metrics import CURVES, curve, finished
-from explore_bench.analysis.statistics import CONFIDENCE
+from explore_bench.analysis.statistics import CONFIDENCE, resample_weights
 from explore_bench.analysis.tables import PAPER_SCENARIO
 from explore_bench.records.encoding import TrialRecord
 from explore_bench.records.store import Store
@@ -23,7 +22,6 @@ from explore_bench.report.moment import Scene, scene_of
 from explore_bench.report.scene import draw_scene, frame, scene_legend
 from explore_bench.report.tables import shown_name
 from explore_bench.strategies.registry import in_order, strategies
-from explore_bench.trial.seeding import stream
 
 CURVE_FIGURES = {
     "figure-08": ("layers", 20.0),
@@ -292,19 +290,13 @@ def _duration(record: TrialRecord) -> int:
     return int(record.steps["step"][-1]) if finished(record) else record.spec.scenario.step_limit
 
 
-@lru_cache(maxsize=8)
-def _weights(count: int, root: int) -> np.ndarray:
-    """Weight of each world in each resample of a band, shape (RESAMPLES, count)."""
-    rng = stream("evaluate", root, 0, 0, "statistics")
-    return np.asarray(rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES) / count)
-
-
 def _band(axes: Axes, step: np.ndarray, values: np.ndarray, strategy: str, root: int) -> tuple[np.ndarray, np.ndarray]:
     """Draw the mean over worlds of values, shape (worlds, steps), and its pointwise bootstrap band; return this."""
     entry = entry_of(strategy)
     count = len(values)
+    weights = resample_weights(count, root, RESAMPLES) / count
     ends = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
-    low, high = np.quantile(values.T @ _weights(count, root).T, ends, axis=1)
+    low, high = np.quantile(values.T @ weights.T, ends, axis=1)
     style = "--" if entry.reference else "-"
     axes.plot(step, values.mean(axis=0), color=entry.color, linestyle=style, linewidth=1.3, label=shown_name(strategy))
     if count > 1:
