@@ -1,7 +1,7 @@
 """What all tests share: property tests have no deadline, for a kernel may be compiled at its first call.
 
-What takes long is done once: kernels are compiled by several processes of pytest-xdist in another order each, and
-worker processes of shipped strategies serve the tests that follow, too.
+What takes long is done once: kernels are compiled by several processes of pytest-xdist in another order each, and the
+process of which workers are forked serves the tests that follow, too.
 """
 
 import dataclasses
@@ -39,7 +39,7 @@ def pytest_sessionstart(session):
 def pytest_pyfunc_call(pyfuncitem):
     """Leave pytest's note of the test's name out of the environment while the test runs.
 
-    A worker process is kept only for those who have the environment that it was started in.
+    Workers are forked of the same process only for those who have the environment that it was started in.
     """
     name = os.environ.pop("PYTEST_CURRENT_TEST")
     try:

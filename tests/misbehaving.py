@@ -62,6 +62,8 @@ HARMLESS = {
         "import os, time",
         f"if os.fork() == 0:\n    while True: time.sleep(1)\n{NEAREST}",
     ),
+    "kills its parent": ("import os, signal\nos.kill(os.getppid(), signal.SIGKILL)", NEAREST),
+    "stops its parent": ("import os, signal\nos.kill(os.getppid(), signal.SIGSTOP)", NEAREST),
     "changes the environment": ("import os\nos.environ.clear()\nos.chdir('/')", NEAREST),
     "prints": ("", f"import os\nprint('strategy,size' * 1000)\nos.write(1, b'strategy,size')\n{NEAREST}"),
     "changes the recursion limit": ("import sys\nsys.setrecursionlimit(60 + 200)", NEAREST),

@@ -20,7 +20,7 @@ from explore_bench.runs.runner import DEFAULT_TIMEOUT, check_runnable
 from explore_bench.runs.suites import plan
 from explore_bench.runs.workers.local import default_workers, results_of
 from explore_bench.runs.workers.process import READY, Answer, Job, LostError
-from explore_bench.runs.workers.task import owner_of, warm_up
+from explore_bench.runs.workers.task import owner_of, preparation_of, warm_up
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.trial.containment import Signals, one_process, time_limit
 from explore_bench.trial.explorer import ChoiceError, checked
@@ -114,7 +114,6 @@ def agreement_of_choices(
         raise RequestError(f"of {', '.join(strategies)} only references are left; name strategies to compare.")
     crew = workers or default_workers()
     check_runnable(specs, crew, "processes", timeout)
-    warm_up(specs[0].scenario.tiny)
     driven = _all_driven(specs, crew, timeout)
     heard = _all_asked(specs, driven, crew, timeout)
     wrong: dict[Chooser, dict[Place, str]] = {}
@@ -223,7 +222,7 @@ def _blamed(error: BaseException, told: Signals) -> str:
 
 
 def _all_driven(specs: Sequence[TrialSpec], crew: int, timeout: float) -> dict[int, Driven]:
-    jobs = [Job(drive, (spec, timeout), timeout, owner_of(spec)) for spec in specs]
+    jobs = [Job(drive, (spec, timeout), timeout, owner_of(spec), preparation_of(spec)) for spec in specs]
     return {
         number: Driven(wrong=str(found)) if isinstance(found, LostError) else found
         for number, found in results_of(jobs, crew)
@@ -246,7 +245,7 @@ def _all_asked(
         for group in groups.values():
             seconds = timeout * len(group)
             own = [specs[other] for other in group]
-            jobs.append(Job(ask, (own, driven[number], seconds), seconds, owner_of(own[0])))
+            jobs.append(Job(ask, (own, driven[number], seconds), seconds, owner_of(own[0]), preparation_of(own[0])))
             meant.append((number, group))
     heard: dict[int, dict[int, tuple[list[int | Target], str]]] = {number: {} for number in driven}
     for job, found in results_of(jobs, crew):

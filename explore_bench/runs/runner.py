@@ -16,7 +16,7 @@ from explore_bench.runs.workers import BACKENDS, IncompleteError
 from explore_bench.runs.workers.local import default_workers, results_of, run_here
 from explore_bench.runs.workers.memory import share_of_memory
 from explore_bench.runs.workers.process import READY, Answer, Job
-from explore_bench.runs.workers.task import Report, make_task, owner_of
+from explore_bench.runs.workers.task import Report, import_of, make_task, owner_of
 from explore_bench.strategies.loading import StrategyError, make_strategy
 from explore_bench.trial.containment import Signals, one_process, time_limit
 from explore_bench.trial.spec import Outcome, TrialSpec
@@ -122,11 +122,11 @@ def check_runnable(
     if backend == "dask":
         workers, backend = default_workers(), "processes"
     seconds = min(timeout, CHECK_SECONDS)
-    asked = sorted(unique.values(), key=owner_of, reverse=True)  # last the shipped ones, whose processes are kept
+    asked = list(unique.values())
     if backend == "sequential":
         refusals = {number: _refusal(spec, seconds) for number, spec in enumerate(asked)}
     else:
-        jobs = [Job(tell_refusal, (spec, seconds), seconds, owner_of(spec)) for spec in asked]
+        jobs = [Job(tell_refusal, (spec, seconds), seconds, owner_of(spec), import_of(spec)) for spec in asked]
         refusals = {number: text for number, text in results_of(jobs, workers) if isinstance(text, str)}
     for number in sorted(refusals):
         if refusals[number]:

@@ -123,7 +123,7 @@ def test_a_trial_is_stored_before_its_outcome_is_yielded(store):
 
 
 def test_without_trials_nothing_runs(store, monkeypatch):
-    monkeypatch.setattr(local, "warm_up", lambda spec: pytest.fail("compiled for nothing"))
+    monkeypatch.setattr(local, "Process", lambda job: pytest.fail("a process for nothing"))
     assert list(execute([], store, 2)) == []
 
 

@@ -1,12 +1,10 @@
-"""The strategy in processes of its own: a fresh interpreter, where it may do its worst, and the runner's workers."""
+"""The strategy in processes of its own: one where it may do its worst, and the runner's workers."""
 
 from __future__ import annotations
 
 import os
 import pickle
 import select
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,9 +15,11 @@ from explore_bench.errors import RequestError, describe
 from explore_bench.records.store import Store
 from explore_bench.runs.conformance.answers import Answers, play
 from explore_bench.runs.conformance.subject import Subject
-from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour
+from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour, observations
 from explore_bench.runs.runner import execute
 from explore_bench.runs.witness import run_witnessed
+from explore_bench.runs.workers.fork_server import fork
+from explore_bench.runs.workers.task import warm_up
 from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import StrategyError, check_methods
 from explore_bench.strategies.tracing import place_of, with_place
@@ -49,7 +49,7 @@ class Played:
 
 @dataclass
 class Examination:
-    """What a strategy did in a fresh interpreter, as far as it came.
+    """What a strategy did in a process that ran nobody else's code, as far as it came.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Examination:
 
 
 def examine(subject: Subject) -> Examination:
-    """Examine a strategy in a fresh interpreter with another seed of hashes.
+    """Examine a strategy in a process of its own with another seed of hashes.
 
     Raises
     ------
@@ -94,28 +94,25 @@ def examine(subject: Subject) -> Examination:
     found = Examination()
     read_end, write_end = os.pipe()
     seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
-    process = subprocess.Popen(
-        [sys.executable, "-c", f"from explore_bench.runs.conformance.apart import report; report({write_end})"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        pass_fds=(write_end,),
-        start_new_session=True,  # Ctrl-C is ours
-        env=os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    os.close(write_end)
-    with process, os.fdopen(read_end, "rb") as pipe:
-        assert process.stdin is not None
-        process.stdin.write(pickle.dumps(subject))
-        process.stdin.close()
+    with Path(os.devnull).open("wb") as nowhere, os.fdopen(read_end, "rb") as pipe:
+        child = fork(
+            report,
+            subject,
+            descriptors=[write_end],
+            output=nowhere.fileno(),
+            preparation=(prepare, ()),
+            hash_seed=seed,
+        )
+        os.close(write_end)
         try:
             _receive(pipe, found, subject.timeout + GRACE)
         except TimeoutError:
             found.hung = True
             found.death = f"was killed: nothing came of it in {subject.timeout:g} s, nor could it be interrupted"
         except EOFError:
-            found.death = f"died (exit code {process.wait()})"
+            found.death = f"died (exit code {child.kill()})"
         finally:
-            process.kill()
+            child.kill()
     if found.wrong:
         raise RequestError(found.wrong)
     return found
@@ -135,9 +132,16 @@ def _receive(pipe: BinaryIO, found: Examination, limit: float) -> None:
                 return
 
 
-def report(descriptor: int) -> None:
-    """Examine the strategy that standard input names, and write each thing found as soon as it is (in the child)."""
-    subject: Subject = pickle.load(sys.stdin.buffer)
+def prepare() -> None:
+    """Make and compile what every examination begins with."""
+    for tour in TOURS:
+        observations(tour)
+    for tour in TRIALS:
+        warm_up(tour.scenario.tiny)
+
+
+def report(subject: Subject, descriptor: int) -> None:
+    """Examine a strategy, and write each thing found as soon as it is (in the child)."""
     with os.fdopen(descriptor, "wb") as pipe:
         for found in _stages(subject):
             pipe.write(pickle.dumps(found))

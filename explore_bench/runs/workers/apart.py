@@ -11,7 +11,7 @@ from typing import Any
 
 from explore_bench.runs.workers.parcel import OtherCodeError, Parcel, unpack
 from explore_bench.runs.workers.process import Job, LostError, Process, ProcessDiedError
-from explore_bench.runs.workers.task import Report, lost, perform_ready
+from explore_bench.runs.workers.task import Report, lost, perform_ready, preparation_of
 
 _own = threading.local()
 
@@ -42,10 +42,11 @@ def _run_once(parcel: Parcel) -> Report:
     if process and process.owner != task.owner:
         process.end()
         process = None
-    process = _own.process = process or Process(task.owner)
+    job = Job(run_parcel, (parcel,), task.timeout, task.owner, preparation_of(task.spec))
+    process = _own.process = process or Process(job)
     fit = False
     try:
-        process.begin(Job(run_parcel, (parcel,), task.timeout, task.owner))
+        process.begin(job)
         while (answer := process.take()) is None:
             wait([process.pipe], max(process.deadline - time.monotonic(), 0.0))
         fit = not answer.last

@@ -1,23 +1,15 @@
-"""Processes of this machine: so many at a time, each for the shipped strategies or for a foreign one.
-
-Those of the shipped ones that have nothing more to do are kept for what is asked next: to start one takes as long as
-some trials.
-"""
+"""Processes of this machine: so many at a time, each for the shipped strategies or for a foreign one."""
 
 from __future__ import annotations
 
-import atexit
 import os
 import time
 from collections.abc import Generator, Sequence
 from multiprocessing.connection import wait
 from typing import Any
 
-from explore_bench.runs.workers.process import Job, LostError, Process, ProcessDiedError, surroundings
-from explore_bench.runs.workers.task import Report, Task, lost, perform, run_task, warm_up
-
-_spare: list[Process] = []
-"""Idle processes of the shipped strategies."""
+from explore_bench.runs.workers.process import Job, LostError, Process, ProcessDiedError
+from explore_bench.runs.workers.task import Report, Task, lost, perform, preparation_of, run_task
 
 
 def default_workers() -> int:
@@ -34,8 +26,7 @@ def run_here(tasks: Sequence[Task], workers: int, backend: str) -> Generator[Rep
     if backend == "sequential":
         yield from map(perform, tasks)
         return
-    warm_up(tasks[0].spec.scenario.tiny)  # lest each process compile its own
-    jobs = [Job(run_task, (task,), task.timeout, task.owner) for task in tasks]
+    jobs = [Job(run_task, (task,), task.timeout, task.owner, preparation_of(task.spec)) for task in tasks]
     for number, found in results_of(jobs, workers):
         yield lost(tasks[number], str(found)) if isinstance(found, LostError) else found
 
@@ -81,17 +72,7 @@ def results_of(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Any]]:
                 yield number, answer.value
     finally:
         for process in (*idle, *doing):
-            if process.owner or process in doing:
-                process.end()
-            else:
-                _spare.append(process)
-
-
-@atexit.register
-def end_spare() -> None:
-    """End the processes that are kept."""
-    while _spare:
-        _spare.pop().end()
+            process.end()
 
 
 def _next(
@@ -109,14 +90,4 @@ def _next(
     served = {process.owner for process in doing}
     number = next((number for number in waiting if jobs[number].owner not in served), waiting[0])
     waiting.remove(number)
-    return _process_for(jobs[number].owner), number
-
-
-def _process_for(owner: str) -> Process:
-    """A kept process, if it was started where things are as they are now; else a new one."""
-    while _spare and not owner:
-        process = _spare.pop()
-        if process.surroundings == surroundings():
-            return process
-        process.end()
-    return Process(owner)
+    return Process(jobs[number]), number

@@ -1,7 +1,7 @@
 """A process that does jobs for whoever asks, one after the other: trials, and a look at a strategy before them.
 
-It has a main thread of its own, which time limits need, numerical settings, which libraries read when they are
-imported, and a limit of memory. Whoever asks can kill it: a job that dies or cannot be interrupted takes nothing along.
+It has a main thread of its own, which time limits need. Whoever asks can kill it: a job that dies or cannot be
+interrupted takes nothing along.
 """
 
 from __future__ import annotations
@@ -9,10 +9,9 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import select
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -23,13 +22,11 @@ from pathlib import Path
 from typing import Any
 
 from explore_bench.errors import RequestError, describe
-from explore_bench.runs.workers import GRACE, SHIPPED, THREAD_SETTINGS
+from explore_bench.runs.workers import GRACE
+from explore_bench.runs.workers.fork_server import Call, fork
 
 START = 300.0
 """Seconds that a process may take to import and compile before its job begins."""
-
-PARENT_SECONDS = 1.0
-"""How often a process looks whether its parent is still there."""
 
 READY = "ready"
 
@@ -52,12 +49,14 @@ class Job:
         takes time only once is done, and an Answer.
     seconds : that it may take from then on.
     owner : whose code it runs: no process works for two.
+    preparation : of this project, what takes time only once, where a new process is to begin with it done.
     """
 
     function: Callable[..., Iterator[Any]]
     arguments: tuple[Any, ...]
     seconds: float
     owner: str = ""
+    preparation: Call | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,31 +67,19 @@ class Answer:
     last: bool = False
 
 
-def surroundings() -> tuple[object, ...]:
-    """What a process that is started now begins with: its folder, where it imports from, settings, and shipped code."""
-    root = Path(__file__).parents[3]
-    code = (file for package in SHIPPED for file in (root / package).rglob("*.py"))
-    files = {file: file.stat().st_mtime_ns for file in code if file.is_file()}  # editors leave links to nothing
-    return Path.cwd(), tuple(sys.path), dict(os.environ), files
-
-
 class Process:
-    """A child process of an owner. `pipe` can be waited for; at `deadline`, on the monotonic clock, it is too late."""
+    """A child process for an owner's jobs, prepared for the first of them.
 
-    def __init__(self, owner: str = "") -> None:
-        self.owner, self.surroundings = owner, surroundings()
+    `pipe` can be waited for; at `deadline`, on the monotonic clock, it is too late.
+    """
+
+    def __init__(self, first: Job) -> None:
+        self.owner = first.owner
         self.pipe, theirs = multiprocessing.Pipe()
         self.deadline, self._limit, self._ready = 0.0, 0.0, False
         self._folder = tempfile.TemporaryDirectory(prefix="explore-bench-", ignore_cleanup_errors=True)
-        code = f"from {__name__} import serve; serve()"
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code, str(theirs.fileno()), self._folder.name],
-            pass_fds=[theirs.fileno()],
-            env=os.environ | THREAD_SETTINGS | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            stdin=subprocess.DEVNULL,
-            stdout=2,  # what is printed there is not for those who read ours
-            start_new_session=True,  # Ctrl-C is for the one who asks
-        )
+        preparation = _prepare, (first.function, first.preparation)
+        self._child = fork(serve, self._folder.name, descriptors=[theirs.fileno()], preparation=preparation)
         theirs.close()
 
     def begin(self, job: Job) -> None:
@@ -129,24 +116,29 @@ class Process:
 
     def end(self) -> None:
         """Kill the process and all that it started."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        self._child.kill()
         self.pipe.close()
         self._folder.cleanup()
 
 
-def serve() -> None:
+def _prepare(function: Callable[..., Any], preparation: Call | None) -> None:
+    """Do a job's preparation; the module of its function is imported by now."""
+    if preparation:
+        prepare, arguments = preparation
+        prepare(*arguments)
+
+
+def serve(folder: str, descriptor: int) -> None:
     """Do the jobs that come through a pipe until it is closed: the main function of a Process."""
-    descriptor, folder = int(sys.argv[1]), Path(sys.argv[2])
-    threading.Thread(target=_end_with, args=(os.getppid(), folder), daemon=True).start()
+    place = Path(folder)
+    threading.Thread(target=_end_with, args=(descriptor, place), daemon=True).start()
     multiprocessing.current_process().name = "Process"
     pipe = Connection(descriptor)
     with contextlib.suppress(EOFError, OSError):
         while True:
             function, arguments = pipe.recv()
             try:
-                for found in function(*arguments, folder):
+                for found in function(*arguments, place):
                     pipe.send(found)
             except RequestError as error:
                 pipe.send(error)
@@ -154,12 +146,13 @@ def serve() -> None:
                 raise
             except BaseException as error:
                 pipe.send(LostError(f"its worker process broke off ({describe(error)})"))
-    shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(place, ignore_errors=True)
 
 
-def _end_with(parent: int, folder: Path) -> None:
-    """End this process, whatever it does, when its parent has ended, however that came about."""
-    while os.getppid() == parent:
-        time.sleep(PARENT_SECONDS)
+def _end_with(descriptor: int, folder: Path) -> None:
+    """End this process, whatever it does, when nobody is left at the other end of its pipe, however that came about."""
+    end = select.poll()
+    end.register(descriptor, 0)  # that it was hung up is told without being asked for
+    end.poll()
     shutil.rmtree(folder, ignore_errors=True)
     os.killpg(0, signal.SIGKILL)

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from explore_bench.records.encoding import encode
 from explore_bench.records.provenance import trial_key
 from explore_bench.runs.witness import run_witnessed
 from explore_bench.runs.workers import SHIPPED
+from explore_bench.runs.workers.fork_server import Call
 from explore_bench.runs.workers.memory import memory_limit, share_of_memory
 from explore_bench.runs.workers.process import READY, Answer
 from explore_bench.strategies.entry import parse_factory
@@ -55,8 +57,24 @@ class Report:
 
 def owner_of(spec: TrialSpec) -> str:
     """Strategy whose code a trial runs beside that of this project; empty where there is none."""
+    return "" if shipped_module(spec) else f"{spec.strategy} ({spec.factory})"
+
+
+def shipped_module(spec: TrialSpec) -> str:
+    """Module of this project that has a trial's strategy; empty where none has."""
     place, _ = parse_factory(spec.factory)
-    return "" if place.partition(".")[0] in SHIPPED else f"{spec.strategy} ({spec.factory})"
+    return place if place.partition(".")[0] in SHIPPED else ""
+
+
+def import_of(spec: TrialSpec) -> Call | None:
+    """What imports the strategy of a trial, if it is shipped: a preparation."""
+    module = shipped_module(spec)
+    return (import_module, (module,)) if module else None
+
+
+def preparation_of(spec: TrialSpec) -> Call:
+    """What imports and compiles all that a trial runs, as far as that is this project's."""
+    return _prepare, (import_of(spec), spec.scenario.tiny)
 
 
 def make_task(spec: TrialSpec, timeout: float, memory: float | None = None) -> Task:
@@ -120,6 +138,13 @@ def _report(task: Task, result: TrialResult, told: str, seconds: float) -> Repor
         decision_seconds=tuple(result.decision_seconds),
     )
     return Report(task.key, encode(result), outcome)
+
+
+def _prepare(first: Call | None, scenario: Scenario) -> None:
+    if first:
+        function, arguments = first
+        function(*arguments)
+    warm_up(scenario)
 
 
 def warm_up(scenario: Scenario) -> None:

@@ -131,6 +131,9 @@ def test_a_trial_has_a_process_with_one_thread_of_its_own(two_workers, tmp_path)
 
 # What dies, and what hangs
 
+KILL_THE_WORKER = "os.kill(psutil.Process(os.getppid()).ppid(), signal.SIGKILL)"
+"""Of a cluster: it asked the parent of a strategy's process to fork that."""
+
 
 @pytest.mark.slow
 def test_trials_of_a_worker_that_is_killed_run_again_and_count(two_workers, tmp_path):
@@ -139,11 +142,11 @@ def test_trials_of_a_worker_that_is_killed_run_again_and_count(two_workers, tmp_
     lines = f"""
         if not os.path.exists({str(mark)!r}):
             pathlib.Path({str(mark)!r}).write_text(str(os.getpid()))
-            os.kill(os.getppid(), signal.SIGKILL)
+            {KILL_THE_WORKER}
             while True: time.sleep(1)
         return int(observation.path_lengths.argmin())
     """
-    plugin = write_plugin(tmp_path, lines, head="import os, pathlib, signal, time")
+    plugin = write_plugin(tmp_path, lines, head="import os, pathlib, psutil, signal, time")
     specs, store = tiny_plan([plugin, "nearest"], trials=3), opened(tmp_path / "results")
     table, outcomes = on(two_workers, specs, store)
     assert ended(int(mark.read_text()))
@@ -171,7 +174,9 @@ def test_a_trial_that_kills_its_process_or_hangs_is_a_failed_row_and_the_others_
 @pytest.mark.slow
 def test_a_cluster_whose_workers_are_all_lost_ends_the_run_as_incomplete(tmp_path, monkeypatch):
     """A worker's death is one too many here, and nothing replaces what dies."""
-    plugin = write_plugin(tmp_path, "os.kill(os.getppid(), signal.SIGKILL)", head="import os, signal")
+    plugin = write_plugin(
+        tmp_path, "os.kill(psutil.Process(os.getppid()).ppid(), signal.SIGKILL)", head="import os, psutil, signal"
+    )
     specs, store = tiny_plan([plugin], trials=2), opened(tmp_path / "results")
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),

@@ -34,7 +34,7 @@ def _end_of_the_process():
 
 
 def own_pid():
-    return apart._own.process._process.pid
+    return apart._own.process._child.pid
 
 
 def test_a_trial_has_the_same_shard_as_in_this_process(tmp_path):
@@ -62,7 +62,7 @@ def test_trials_of_one_thread_share_a_process_and_those_of_another_have_theirs()
     thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
-    assert others[0]._process.pid != mine
+    assert others[0]._child.pid != mine
     others[0].end()
 
 
