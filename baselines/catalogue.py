@@ -56,7 +56,8 @@ ENTROPY_WEIGHT = 0.1
 STRATEGIES: dict[str, Entry] = {}
 
 CONTROLS: dict[str, tuple[str, ...]] = {}
-"""Rules of others, each with those that show what a term of it does: the same rule, or a plainer one, without it."""
+"""Rules of others, each with those that it is measured by: itself with a term off or with other constants, or a plainer
+rule."""
 
 
 def _add(name: str, factory: str, label: str, tables: tuple[str, ...], **options: Any) -> None:
@@ -125,6 +126,7 @@ _add(
     "baselines.entropy:Entropy",
     "Entropy, path weight (ours)",
     _TABLE2,
+    suites=_ROBOT,
     parameters={"weight": ENTROPY_WEIGHT},
 )
 _add(
@@ -284,11 +286,11 @@ TUNED: dict[str, dict[str, float]] = {
     "heading-aware": {"decay": 0.1},
     "cost-utility": {"distance": 30.0},
     "makarenko": {"navigation": 1.5},
-    "distance-advantage": {"distance": 3.0},
+    "distance-advantage": {"distance": 8.0},
     "potential-field": {"revisit": 1.0},
     "joint-entropy": {"weight": 0.25},
 }
-"""Constants by rule for which docs/studies/field_tuning.py finds another value than the published one to be best."""
+"""Constants by rule for which docs/studies/field_tuning.py finds another value than its own to be best."""
 
 for _name, _constants in TUNED.items():
     _rule = STRATEGIES[_name]
@@ -297,7 +299,7 @@ for _name, _constants in TUNED.items():
         _rule.suites,
         _rule.factory.removeprefix("baselines.field."),
         f"{_rule.label}, tuned",
-        controls=(_name,),
+        controls=(_name, *CONTROLS[_name]),
         kinds=_rule.kinds,
         **{**_rule.parameters, **_constants},
     )

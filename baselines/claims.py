@@ -1,6 +1,6 @@
 """The four claims of Zhang et al. 2021 (§1, §4.2) as comparisons, and what its §4.2 leaves to be asked of a lidar.
 
-Also what whoever gives a rule a term says of it, of the rules of others: that it helps.
+Also what whoever adds a term to a rule, or tunes it, says of it, of the rules of others: that it helps.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _terms(scenario: str, kind: str, metrics: tuple[str, ...], sizes: tuple[floa
             label, others = STRATEGIES[rule].label, "; ".join(STRATEGIES[name].label for name in beside)
             yield Claim(
                 rule if kind == "landmark" else f"{rule}, {scenario}",
-                f"The terms of {label} help: it explores better than without one of them ({others}).",
+                f"{label} explores better than what it is measured by ({others}).",
                 comparisons(rule, beside, metrics, sizes),
                 architecture=False,
                 scenario=scenario,

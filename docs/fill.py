@@ -15,6 +15,7 @@ import json
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
@@ -330,9 +331,9 @@ def lidar_transfer(suite: str) -> str:
     return "\n".join(lines)
 
 
-def choices(scenario: str) -> str:
+def choices(scenario: str, study: str = "choices") -> str:
     """How often methods choose the same, in percent with intervals; training seeds averaged within their method."""
-    table = pd.read_csv(STUDIES / "choices.csv")
+    table = pd.read_csv(STUDIES / f"{study}.csv")
     table = table[table["scenario"] == scenario]
     names = list(dict.fromkeys(table["a"]))
     rows = []
@@ -713,9 +714,8 @@ def field_words(results: Path) -> str:
     beside = [
         f" {STRATEGIES[rule].label} is shown to be better than {STRATEGIES[control].label} in {helped or 'none'} of "
         f"{count} comparisons and worse in {harmed or 'none'}."
-        for one in dict.fromkeys((best, best.removesuffix("-tuned")))
         for (rule, control), (helped, harmed, count) in effects.items()
-        if rule == one
+        if rule == best
     ]
     return f"{_answer(trials, competitors)}\n\n{text}{''.join(beside)}"
 
@@ -745,7 +745,7 @@ def field_terms(results: Path) -> str:
         {
             "rule": f"`{rule}`",
             "control": f"`{control}`",
-            "the term": _effect(*_effects(results)[rule, control]),
+            "the rule": _effect(*_effects(results)[rule, control]),
             **cells,
         }
         for (rule, control), cells in rows.items()
@@ -780,11 +780,11 @@ def _effects(results: Path) -> dict[tuple[str, str], tuple[int, int, int]]:
 
 
 def _effect(helped: int, harmed: int, count: int) -> str:
-    """What a term does, in a word, and in how many comparisons that is shown."""
+    """How a rule does beside another one, in a word, and in how many comparisons that is shown."""
     if helped and harmed:
-        return f"helps in {helped}, harms in {harmed} of {count}"
+        return f"better in {helped}, worse in {harmed} of {count}"
     if helped or harmed:
-        return f"{'helps' if helped else 'harms'} in {helped or harmed} of {count}"
+        return f"{'better' if helped else 'worse'} in {helped or harmed} of {count}"
     return "not shown"
 
 
@@ -792,28 +792,61 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def field_tuning(study: Path) -> str:
-    """The published and the best value of the constant that was tuned of each rule of others.
+def confirmation() -> str:
+    """What came out of every attempt at a confirmation that was declared."""
+    folder = RESULTS / "confirmation"
+    rows = []
+    for one in tomllib.loads((folder / "attempts.toml").read_text(encoding="utf-8"))["attempt"]:
+        answer = folder / f"{one['root']}.json"
+        found = json.loads(answer.read_text(encoding="utf-8"))["comparisons"] if answer.exists() else []
+        shown = sum(own["verdict"].startswith(SUPPORTED) for own in found)
+        row = {
+            "root seed": str(one["root"]),
+            "said to be better": f"`{one['better']}`",
+            "than": f"{len({own['comparison']['worse'] for own in found})} others" if found else "–",
+            "worlds": f"{one['worlds']} of {' and '.join(f'{size:g}' for size in one['sizes'])} m each",
+            "shown to be better in": f"{'all' if shown == len(found) else shown} of {len(found)}"
+            if found
+            else "not run",
+        }
+        for metric in one["metrics"]:
+            own = [each for each in found if each["comparison"]["metric"] == metric]
+            least = min(own, key=lambda each: abs(each["relative"]["mean"]), default=None)
+            row[f"least gain in {all_metrics()[metric].symbol}"] = _least_gain(least)
+        rows.append(row)
+    return markdown(pd.DataFrame(rows))
 
-    Of values that are equally good the published one is taken, else the smallest.
+
+def _least_gain(finding: dict | None) -> str:
+    if finding is None:
+        return "–"
+    share, asked = finding["relative"], finding["comparison"]
+    ends = f"[{signed_text(100 * share['low'])}, {signed_text(100 * share['high'])}]"
+    return f"{signed_text(100 * share['mean'])} {ends} % over `{asked['worse']}` at {asked['size']:g} m"
+
+
+def field_tuning(study: Path) -> str:
+    """The constant that was tuned of each rule of others, untuned and at its best.
+
+    Of values that are equally good the untuned one is taken, else the smallest.
 
     Raises
     ------
-    AssertionError : where the best value is another than the published one and the catalogue's TUNED has not it.
+    AssertionError : where the best value is another than the untuned one and the catalogue's TUNED has not it.
     """
     table = pd.read_csv(study)
     rows = []
     for name, own in table.groupby("strategy", sort=False):
         entry, parameter = STRATEGIES[str(name)], SWEEPS[str(name)].parameter
-        published = entry.parameters.get(parameter)
-        if published is None:
-            published = inspect.signature(load_factory(entry.factory)).parameters[parameter].default
+        untuned = entry.parameters.get(parameter)
+        if untuned is None:
+            untuned = inspect.signature(load_factory(entry.factory)).parameters[parameter].default
         at = own.set_index("value")
         least = at["objective"].min()
-        best = published if at.loc[published, "objective"] == least else float(at["objective"].idxmin())
+        best = untuned if at.loc[untuned, "objective"] == least else float(at["objective"].idxmin())
         edge = {at.index.min(): ", the smallest tried", at.index.max(): ", the largest tried"}.get(best, "")
         registered = STRATEGIES.get(f"{name}-tuned")
-        if best != published:
+        if best != untuned:
             assert registered is not None, f"baselines/catalogue.py: TUNED lacks {name!r}: {{{parameter!r}: {best:g}}}"
             kept = registered.parameters[parameter]
             assert kept == best, f"baselines/catalogue.py: TUNED has {parameter} {kept:g} of {name}, the study {best:g}"
@@ -821,11 +854,11 @@ def field_tuning(study: Path) -> str:
             {
                 "rule": f"`{name}`",
                 "constant": f"`{parameter}`",
-                "published": f"{published:g}",
-                "log e − log η": _objective(at.loc[published]),
+                "untuned": f"{untuned:g}",
+                "log e − log η": _objective(at.loc[untuned]),
                 "best": "all are alike" if at["objective"].max() == least else f"{best:g}{edge}",
                 "log e − log η there": _objective(at.loc[best]),
-                "registered as": f"`{name}-tuned`" if best != published else "–",
+                "registered as": f"`{name}-tuned`" if best != untuned else "–",
             }
         )
     return markdown(pd.DataFrame(rows))
@@ -873,6 +906,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "stage-choices": stage_choices,
     "choices-paper": partial(choices, "paper"),
     "choices-stage": partial(choices, "stage"),
+    "field-choices-paper": partial(choices, "paper", "field-choices"),
+    "field-choices-stage": partial(choices, "stage", "field-choices"),
     "stage-slam": stage_slam,
     "stage-frontiers": stage_frontiers,
     "stage-tuning": stage_tuning,
@@ -881,6 +916,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "plans-results": partial(lidar_results, "plans"),
     "stage-transfer": partial(lidar_transfer, "stage"),
     "plans-transfer": partial(lidar_transfer, "plans"),
+    "confirmation": confirmation,
     "field-rules": field_rules,
     "field-words": partial(field_words, RESULTS / "field"),
     "field-stage-words": partial(field_words, RESULTS / "field-stage"),

@@ -33,8 +33,9 @@ class JointEntropy:
     on the map and far along the trajectory; the robot drives to the nearest such place, and to none twice.
 
     Converted: 2004's conditions are distances on the grid and on a topological map, and its robot stays in the loop
-    while the filter is unsure; a particle filter's entropies are a Gaussian's here. No constant could be read: all are
-    ours.
+    while the filter is unsure; a particle filter's entropies are a Gaussian's here, and one scan is expected, at the
+    path's end. 2005's abstract trades the cost of the way against information; how it weighs the two could not be read:
+    `weight` is 0 unless it is tuned, and all constants are ours.
 
     Parameters
     ----------

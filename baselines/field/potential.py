@@ -20,13 +20,17 @@ class PotentialField:
     """Descends the potential −Σ n / d from cell to cell, revisits costing 5, and goes to the frontier that it comes to.
 
     As mmpf_node.cpp of Explore-Bench has it for one robot: n is the number of cells of a frontier, d the length of the
-    way from a cell to it, in cells, and the sum is over frontiers; a cell of the path so far costs 5 for each time that
-    it was passed. Where none of 4 neighbours is lower the path ends, and the robot drives to its end.
+    way from a cell to it, in cells, and the sum is over frontiers; a cell that "has been passed before" costs 5 each
+    time. Where none of 4 neighbours is lower the path ends, and the robot drives to its end.
+
+    Its code begins the list of what was passed anew with each descent, which never comes back to a cell, so that there
+    the 5 have no effect: the control without revisits is what the code computes, this is what its comment says.
 
     Converted: frontiers that hold a candidate count, each with the candidate nearest to its middle at d = 0; lengths
     are of drives, 8 neighbours. The robot drives to the candidate where the original ends a cell before; where a path
-    ends elsewhere, to the frontier that attracts most there. The path so far is that of the estimated poses. n and d
-    are of the finest map, and n / d has no unit. Control: without revisits.
+    ends elsewhere, to the frontier that attracts most there. What was passed is where the
+    estimated poses were. Frontier cells less than 6 cells from an obstacle, or in the costmap's inflation, do not count
+    there; candidates can be driven to. n and d are of the finest map, and n / d has no unit. Control: without revisits.
 
     Parameters
     ----------

@@ -100,14 +100,15 @@ class BayesianOptimization(Sampled):
     over the place with Matérn's kernel (3/2) predicts the others; again and again the one with the largest mean + β · σ
     is computed, then the best computed one is taken. Constants are of its code (turtlebot_exploration_3d): length scale
     3 m, noise 0.01, β = 2.4, 15 at first. There 3 more are computed and β multiplies the variance; 15 more, some 30 in
-    all, are from memory of the paper.
+    all, are from memory of the paper. With `per_metre` all that is computed is divided by the straight distance; the
+    code so divides what is computed at first, and not what the process proposes.
 
     Converted: its variance of 100 is of its own unit; here values are brought to mean 0 and variance 1, and so is the
     kernel. A sensor that looks all around needs no heading.
 
     Parameters
     ----------
-    per_metre : whether information is divided by the straight distance, as its code does.
+    per_metre : whether information is divided by the straight distance.
     scale : length scale of the kernel [m].
     noise : variance of the noise, of a variance of 1.
     beta : β.

@@ -109,7 +109,8 @@ class InformationGain(Score):
     The classical rule as the reproduction of arXiv 2504.01980 has it, λ = 3: g are cells that a scan from f would newly
     determine, d the drive, both in cells of 0.25 m. There g is the true number; here what is in view.
 
-    Converted: g is the unknown area in view over (0.25 m)², and the score is in metres: 0.25 λ log(1 + 16 A) − d.
+    Converted: g is the unknown area in view over (0.25 m)², and the score is in metres: 0.25 λ log(1 + 16 A) − d. There
+    frontiers within 15.25 m and one more are asked, here all candidates.
     Controls: `nearest` without the gain, `visible-unknown` without the drive.
 
     Parameters

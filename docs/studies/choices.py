@@ -1,10 +1,11 @@
 """How often two strategies choose the same where they see the same.
 
-    python docs/studies/choices.py
+    python docs/studies/choices.py [--field]
     python docs/studies/choices.py -s nearest -s ./mine.py:Mine --scenario stage --trials 5 --output mine.csv
 
 Without -s it asks five methods, Graph-STNN with each of its training seeds, in both kinds of world, and writes
-choices.csv for docs/choices.md.
+choices.csv for docs/choices.md; with --field the rules of others that do well, what they are measured by, and ours, and
+writes field-choices.csv for docs/field.md.
 """
 
 from __future__ import annotations
@@ -18,12 +19,17 @@ import pandas as pd
 import explore_bench
 
 STRATEGIES = ("nearest", "uncertainty", "entropy", "random", "graph-stnn")
+FIELD = (
+    *("belief-attention", "entropy-path", "entropy-per-metre", "uncertainty", "information-gain-tuned"),
+    *("heading-aware-tuned", "next-best-view", "visible-per-metre", "visible-unknown", "nearest"),
+)
 WORLDS = {"paper": 10, "stage": 4}
 """By scenario; a trial with a lidar takes twenty times as long."""
 
 
 @click.command(help=__doc__)
 @click.option("-s", "--strategy", "strategies", multiple=True, help="As for explore-bench run; repeatable.")
+@click.option("--field", is_flag=True, help="Ask rules of others instead of the five methods.")
 @click.option("--scenario", help="A name or a TOML file.  [default: paper]")
 @click.option("--size", "sizes", type=float, multiple=True, help="Edge of the map [m]; repeatable.")
 @click.option("--trials", type=int, default=10, show_default=True, help="Worlds a size.")
@@ -32,6 +38,7 @@ WORLDS = {"paper": 10, "stage": 4}
 @click.option("--output", type=click.Path(path_type=Path), help="A CSV file.")
 def main(
     strategies: tuple[str, ...],
+    field: bool,
     scenario: str | None,
     sizes: tuple[float, ...],
     trials: int,
@@ -43,7 +50,12 @@ def main(
     asked = {scenario: trials} if strategies else WORLDS
     found = [
         explore_bench.agreement_of_choices(
-            strategies or STRATEGIES, sizes=sizes, trials=count, scenario=name, seed=seed, workers=workers
+            strategies or (FIELD if field else STRATEGIES),
+            sizes=sizes,
+            trials=count,
+            scenario=name,
+            seed=seed,
+            workers=workers,
         )
         for name, count in asked.items()
     ]
@@ -51,7 +63,8 @@ def main(
     print(table.to_string(index=False))
     for sentence in dict.fromkeys(sentence for each in found for sentence in each.left_out):
         print(f"- {sentence}")
-    output = output or (None if strategies else Path(__file__).with_suffix(".csv"))
+    if not (output or strategies):
+        output = Path(__file__).with_name("field-choices.csv" if field else "choices.csv")
     if output is not None:
         table.to_csv(output, index=False, lineterminator="\n")
 

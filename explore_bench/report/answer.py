@@ -100,8 +100,8 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
     on = f"{worlds[0]}" if len(worlds) == 1 else f"{worlds[0]} to {worlds[-1]}"
     text = (
         f"In the same {on} worlds {first} is shown to be better in {won or 'none'} of {len(found)} comparisons with "
-        f"the others ({_compared(found)}; paired by world, p ≤ {LEVEL:g} after Holm’s correction){_trained(found)} and "
-        f"worse in {lost or 'none'}"
+        f"the others ({_compared(found)}; paired by world, p ≤ {LEVEL:g} after Holm’s correction)"
+        f"{_trained(found, competitors[0])} and worse in {lost or 'none'}"
     )
     if 0 < len(open_) <= 4:
         text += f"; open are {sum(open_.values())}, with {_joined(list(open_))}"
@@ -114,14 +114,15 @@ def how_sure(competitors: Sequence[str], found: Sequence[Duel]) -> str:
     return f"{text}." + (f" So few worlds can show nothing, {least} might." if worlds[-1] < least else "")
 
 
-def _trained(found: Sequence[Duel]) -> str:
-    """In how many comparisons other trainings would win again; nothing where none is won, or nobody was trained."""
+def _trained(found: Sequence[Duel], first: str) -> str:
+    """In how many comparisons it is so after other trainings, too; nothing where none is won, or nobody was trained."""
     if not any(duel.won for duel in found) or all(duel.p_architecture == duel.p for duel in found):
         return ""
     if not any(math.isfinite(duel.p_architecture) for duel in found):
         return " with these weights, whose seeds are too few to say it of other trainings,"
     again = sum(duel.won_after_other_trainings for duel in found)
-    return f", in {again or 'none'} of them after other trainings, too,"
+    whose = "" if entry_of(first).trainer else " of the others"
+    return f", in {again or 'none'} of them after other trainings{whose}, too,"
 
 
 def _compared(found: Sequence[Duel]) -> str:

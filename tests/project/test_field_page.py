@@ -64,7 +64,7 @@ def test_the_best_rule_of_others_is_named_with_its_place_and_what_its_terms_do(f
     )
 
 
-def test_of_a_tuned_rule_both_are_told_what_the_tuning_and_what_the_terms_do(fill, results):
+def test_of_a_tuned_rule_it_is_told_what_the_tuning_and_what_the_terms_do(fill, results):
     errors = {"information_gain_tuned": 0.4, "information_gain": 0.5, "visible_unknown": 0.4001, "nearest": 1.0}
     text = fill.field_words(results(**errors))
     said = text.partition("the median. ")[2]
@@ -72,8 +72,8 @@ def test_of_a_tuned_rule_both_are_told_what_the_tuning_and_what_the_terms_do(fil
         r"(\w[^.]*?) is shown to be better than (.+?) in (\w+) of 2 comparisons and worse in (\w+)\.", said
     ) == [
         ("Information gain, tuned", "Information gain", "2", "none"),
-        ("Information gain", "Visible unknown", "none", "2"),
-        ("Information gain", "Nearest", "2", "none"),
+        ("Information gain, tuned", "Visible unknown", "2", "none"),
+        ("Information gain, tuned", "Nearest", "2", "none"),
     ]
 
 
@@ -84,21 +84,21 @@ def test_without_a_rule_of_others_there_is_the_answer_alone(fill, results):
 def test_what_a_term_does_is_said_of_every_rule_and_control_that_ran(fill, results):
     errors = {name.replace("-", "_"): error for name, error in BEST.items()}
     lines = fill.field_terms(results(**errors)).splitlines()
-    assert lines[0] == "| rule | control | the term | e, 20 m | η, 20 m |"
+    assert lines[0] == "| rule | control | the rule | e, 20 m | η, 20 m |"
     assert lines[2].startswith("| `heading-aware` | `heading-aware-no-heading` | not shown | +0 % (1.0000) | ")
     assert lines[3].startswith(
-        "| `heading-aware` | `heading-aware-no-distance` | harms in 2 of 2 | **+67 % (0.0004)** | "
+        "| `heading-aware` | `heading-aware-no-distance` | worse in 2 of 2 | **+67 % (0.0004)** | "
     )
     assert len(lines) == 4
 
 
 @pytest.mark.parametrize(
     ("counts", "words"),
-    [((0, 0, 6), "not shown"), ((4, 0, 6), "helps in 4 of 6"), ((0, 2, 6), "harms in 2 of 6")],
+    [((0, 0, 6), "not shown"), ((4, 0, 6), "better in 4 of 6"), ((0, 2, 6), "worse in 2 of 6")],
 )
 def test_an_effect_is_one_phrase(fill, counts, words):
     assert fill._effect(*counts) == words
-    assert fill._effect(1, 2, 6) == "helps in 1, harms in 2 of 6"
+    assert fill._effect(1, 2, 6) == "better in 1, worse in 2 of 6"
 
 
 def test_the_page_shows_the_rows_of_one_size(fill, results):
@@ -141,7 +141,7 @@ def study(tmp_path, *best):
 
 
 @pytest.mark.parametrize("best", [(3.0,), (1.0, 3.0), (3.0, 6.0)])
-def test_a_published_value_that_is_best_needs_no_line_also_where_another_is_as_good(fill, tmp_path, best):
+def test_an_untuned_value_that_is_best_needs_no_line_also_where_another_is_as_good(fill, tmp_path, best):
     row = fill.field_tuning(study(tmp_path, *best)).splitlines()[2]
     assert row == ("| `information-gain` | `gain` | 3 | −0.500 [−0.600, −0.400] | 3 | −0.500 [−0.600, −0.400] | – |")
 
@@ -169,12 +169,12 @@ def test_a_constant_of_no_effect_is_said_to_have_none(fill, tmp_path):
     assert row.split(" | ")[2:] == ["3", "−0.500 [−0.600, −0.400]", "all are alike", "−0.500 [−0.600, −0.400]", "– |"]
 
 
-def test_a_tuned_rule_is_the_rule_with_one_other_constant_and_has_it_as_its_control():
+def test_a_tuned_rule_is_the_rule_with_one_other_constant_and_is_measured_by_it_and_its_controls():
     for rule, constants in TUNED.items():
         entry, tuned = strategies()[rule], strategies()[f"{rule}-tuned"]
         assert (tuned.factory, tuned.suites, tuned.kinds) == (entry.factory, entry.suites, entry.kinds)
         assert tuned.parameters == {**entry.parameters, **constants} != entry.parameters
-        assert CONTROLS[f"{rule}-tuned"] == (rule,)
+        assert CONTROLS[f"{rule}-tuned"] == (rule, *CONTROLS[rule])
 
 
 def test_what_a_stored_folder_says_of_terms_is_read_from_its_claims(fill, results):

@@ -129,11 +129,17 @@ def test_matplotlib_enters_through_the_report_only():
 
 
 def test_a_generator_is_born_in_seeding_only():
-    """No call of anything in numpy.random anywhere else, nor of the standard library's random."""
+    """No call of anything in numpy.random anywhere else, nor of the standard library's random.
+
+    But that a forked process begins with another state of the global one, which nothing of ours draws from.
+    """
     for name, path in (CORE | OURS).items():
         calls = [ast.unparse(node.func) for node in ast.walk(tree(path)) if isinstance(node, ast.Call)]
         born = [call for call in calls if re.match(r"(np|numpy)\.random\.", call) or call.endswith("default_rng")]
-        assert bool(born) == (name == "explore_bench.trial.seeding"), (name, born)
+        if name == "explore_bench.runs.workers.fork_server":
+            assert born == ["np.random.seed"]
+        else:
+            assert bool(born) == (name == "explore_bench.trial.seeding"), (name, born)
     assert not importers("random", CORE | OURS)
 
 

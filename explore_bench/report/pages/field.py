@@ -58,7 +58,7 @@ def family_of(name: str) -> str | None:
 
 
 def terms_of(found: Mapping[Claim, list[Finding]]) -> dict[Claim, list[Finding]]:
-    """Claims that the terms of a rule help, those among others that were measured."""
+    """Claims of rules and what they are measured by, of all of a folder's those that were measured."""
     own = {
         claim: [one for one in findings if one.n]
         for claim, findings in found.items()
@@ -250,7 +250,7 @@ def terms_figure(found: Mapping[Claim, list[Finding]]) -> Figure:
         for line, ((rule, _), row) in enumerate(cells.items()):
             if key in row:
                 _gain(axes, line, row[key], FAMILY_COLORS[family_of(rule) or next(iter(FAMILY_COLORS))])
-    figure.supxlabel("times as good as its control: right of 1 the term helps", fontsize=9)
+    figure.supxlabel("times as good as what it is measured by: right of 1 it is better", fontsize=9)
     return figure
 
 

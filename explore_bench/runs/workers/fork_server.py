@@ -217,12 +217,29 @@ def end_servers() -> None:
 def serve() -> None:
     """Fork as often as is asked, until nobody is left who could: the main function of a ForkServer, and of a child."""
     pipe = Connection(int(sys.argv[1]))
-    asking = _socket_of(pipe)
+    child = None
+    with contextlib.suppress(OSError, EOFError), _socket_of(pipe) as asking:
+        child = _fork_as_asked(pipe, asking)
+    if child:
+        pipe.close()
+        (call, folder, imports), (output, errors, *descriptors) = child
+        _settle(folder, imports, output, errors)
+        function, arguments = pickle.loads(call)
+        function(*arguments, *descriptors)
+
+
+def _fork_as_asked(pipe: Connection, asking: socket.socket) -> tuple[tuple[bytes, str, list[str]], list[int]]:
+    """Fork again and again; returns in each child alone what it shall do, where, and with which files.
+
+    Raises
+    ------
+    OSError, EOFError : where nobody asks any more.
+    """
     prepared = set[bytes]()
     while True:
         mark, descriptors, *_ = socket.recv_fds(asking, 1, 16)
         if not mark:
-            return
+            raise EOFError
         ticket, request = pipe.recv()
         if isinstance(request, int):
             _, status = os.waitpid(request, 0)
@@ -238,18 +255,12 @@ def serve() -> None:
             )  # a library's thread may run, that of a memory allocator
             pid = os.fork()
         if not pid:
-            break
+            return (call, folder, imports), descriptors
         with contextlib.suppress(OSError):  # as it does itself: whoever of the two is first
             os.setpgid(pid, pid)
         pipe.send((ticket, pid))
         for descriptor in descriptors:
             os.close(descriptor)
-    asking.close()
-    pipe.close()
-    output, errors, *others = descriptors
-    _settle(folder, imports, output, errors)
-    function, arguments = pickle.loads(call)
-    function(*arguments, *others)
 
 
 def _prepare(preparation: bytes) -> None:
