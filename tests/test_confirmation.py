@@ -1,5 +1,6 @@
 """The confirmation: attempts are declared before, each root seed is used once, and what came out stays."""
 
+import hashlib
 import importlib.util
 import json
 import sys
@@ -81,6 +82,9 @@ def test_an_attempt_is_run_once_and_its_answer_stays(confirm, monkeypatch, capsy
     assert last.startswith(f"7: {found['verdict']}. Of 4 comparisons: ")
     of_random = [one["verdict"] for one in found["comparisons"] if one["comparison"]["worse"] == "random"]
     assert of_random == ["supported", "supported"]
+    keys = "".join(sorted(file.stem for file in (tmp_path / "7" / "runs").glob("*.parquet")))
+    assert found["keys"] == hashlib.sha256(keys.encode()).hexdigest()[:20]
+    assert f"`{found['keys']}`" in (tmp_path / "7.md").read_text()
     (tmp_path / "7.md").write_text("## 7: what was said then\n")
     assert ran(confirm, monkeypatch, capsys, tmp_path) == ["7: what was said then"]
     assert ran(confirm, monkeypatch, capsys, tmp_path, "--check") == ["7: what was said then"]

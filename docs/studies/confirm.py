@@ -6,13 +6,15 @@
 metrics, and who is said to be better; the family is that strategy against every other one of the suite `confirmation`
 that is no reference, in every metric and size, with Holm's correction over all of it. The attempt that has no answer
 yet is run, once: its root seed is used by no other, and what came out is written beside the declaration, as ROOT.md,
-ROOT.json and ROOT.csv (means), and stays whatever it says. An interrupted one goes on. --check only says whether the
-declarations are in order.
+ROOT.json and ROOT.csv (means), and stays whatever it says, with a digest of the keys of its trials: code that gives
+another one is not the code that ran them. An interrupted one goes on. --check only says whether the declarations are in
+order.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import tomllib
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ from explore_bench.analysis.csv_files import write_table
 from explore_bench.analysis.tables import measured, summary_table
 from explore_bench.errors import RequestError
 from explore_bench.files import write_whole
+from explore_bench.records.provenance import trial_key
 from explore_bench.report.pages.claims import comparison_table, summary
 from explore_bench.runs.suites import plan
 from explore_bench.strategies.registry import lookup
@@ -85,6 +88,13 @@ def claim_of(attempt: Attempt) -> Claim:
     )
 
 
+def digest(attempt: Attempt) -> str:
+    """Digest of the keys that the trials of an attempt have by the present code."""
+    names = [attempt.better, *others(attempt)]
+    specs = plan(SUITE, names, attempt.sizes, attempt.worlds, root=attempt.root).specs
+    return hashlib.sha256("".join(sorted(map(trial_key, specs))).encode()).hexdigest()[:20]
+
+
 def write(attempt: Attempt, out: Path, workers: int | None) -> None:
     """Run what is missing of an attempt and write what came out."""
     names = [attempt.better, *others(attempt)]
@@ -102,9 +112,17 @@ def write(attempt: Attempt, out: Path, workers: int | None) -> None:
     )
     claim = claim_of(attempt)
     found = examine(claim, trials)
-    page = [f"## {attempt.root}: {verdict(found)}. {summary(found)}\n", comparison_table(claim, found).markdown()]
+    keys = digest(attempt)
+    page = [
+        f"## {attempt.root}: {verdict(found)}. {summary(found)}\n",
+        f"Digest of the keys of its {len(trials)} trials: `{keys}`.\n",
+        comparison_table(claim, found).markdown(),
+    ]
     write_table(summary_table(trials), out / f"{attempt.root}.csv")
-    write_whole(out / f"{attempt.root}.json", json.dumps(as_values(claim, found), indent=1, ensure_ascii=False) + "\n")
+    write_whole(
+        out / f"{attempt.root}.json",
+        json.dumps({**as_values(claim, found), "keys": keys}, indent=1, ensure_ascii=False) + "\n",
+    )
     write_whole(out / f"{attempt.root}.md", "\n".join(page))
 
 

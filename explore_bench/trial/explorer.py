@@ -58,6 +58,10 @@ class ChoiceError(ValueError):
     """A strategy answered something that can be neither chosen nor driven to."""
 
 
+class StandingError(ChoiceError):
+    """A strategy answered where the robot already is: asked again, it would do so for ever."""
+
+
 def explorer_of(
     scenario: Scenario, world: World, motion: np.random.Generator, sensing: np.random.Generator, lap: Lap
 ) -> Explorer:
@@ -159,7 +163,10 @@ def _on_roads(place: tuple[float, float], roads: Roads) -> Target:
         )
     cell = grid.cell_of(*place)
     if cell == roads.start:
-        raise ChoiceError(f"{shown} lies in the robot's own cell {cell}; choose another one of observation.reachable")
+        raise StandingError(
+            f"{shown} lies in the robot's own cell {cell}, so that it would never move; choose another one of "
+            "observation.reachable"
+        )
     if not roads.free.reshape(-1)[cell]:
         raise ChoiceError(
             f"{shown} lies in cell {cell}, which is blocked or not known to be free; "

@@ -17,7 +17,7 @@ from explore_bench.robot.timing import Lap, no_lap
 from explore_bench.strategies.contract import Observation, Target
 from explore_bench.strategies.loading import StrategyError, check_methods, make_strategy
 from explore_bench.trial.containment import Signals, is_breakdown, one_process, time_limit
-from explore_bench.trial.explorer import ChoiceError, answer_of
+from explore_bench.trial.explorer import ChoiceError, StandingError, answer_of
 from explore_bench.trial.loop import Ending, rollout
 from explore_bench.trial.snapshot import Snapshot, take_snapshot
 from explore_bench.trial.spec import Status, TrialSpec
@@ -63,9 +63,9 @@ def run_trial(spec: TrialSpec, timeout: float | None = None, lap: Lap = no_lap) 
     """Run one trial: a pure function of its spec but for the times.
 
     Whatever the strategy does wrong (raise, answer nonsense, take longer than `timeout` [s]) makes the result
-    `failed` with a reason; the rows up to there are kept. Where it is the simulator or its SLAM that breaks down, the
-    result is `broken`. What a strategy prints goes to stderr, and a process that it forks off ends when it comes back
-    from it.
+    `failed` with a reason; the rows up to there are kept. One that stays where it is is `stuck`. Where it is the
+    simulator or its SLAM that breaks down, the result is `broken`. What a strategy prints goes to stderr, and a process
+    that it forks off ends when it comes back from it.
 
     Raises
     ------
@@ -157,13 +157,16 @@ def _play(
     seconds: list[float],
 ) -> Ending:
     """Let a strategy choose through a rollout, noting rows, snapshots and times as they come."""
-    choice = None
+    choice = event = None
     while True:
         try:
             event = events.send(choice)
         except StopIteration as stop:
             ending: Ending = stop.value
             return ending
+        except StandingError as error:
+            assert isinstance(event, Observation)
+            return Ending(Status.STUCK, f"{error} (at decision {len(seconds) - 1})", event.belief)
         except (ChoiceError, MemoryError, OSError):
             raise
         except Exception as error:

@@ -79,7 +79,6 @@ REFUSED = {
     "Target((3.0, 1e300))": r"lies outside the map",
     "Target((float('nan'), 3.0))": r"the target \(nan, 3.0\) is not finite; give its x and y in metres",
     "Target((float('inf'), 3.0))": r"is not finite",
-    "Target(observation.pose[:2])": r"lies in the robot's own cell \d+; choose another one of observation.reachable",
     "Target('ab')": r"the target 'ab' is no place; give its x and y in metres",
     "Target((1.0, 2.0, 3.0))": r"is no place",
     "Target(None)": r"the target None is no place",
@@ -99,6 +98,23 @@ def test_a_target_that_cannot_be_driven_to_fails_the_trial_with_a_sentence(tmp_p
     assert re.search(REFUSED[answer], result.reason), result.reason
     assert result.reason.endswith("(at decision 1)")
     assert len(result.steps) > 1, "the rows up to there are kept"
+
+
+STANDING = {
+    "Target(observation.pose[:2])": (
+        r"lies in the robot's own cell \d+, so that it would never move; choose another one of observation.reachable"
+    ),
+}
+
+
+@pytest.mark.parametrize("answer", STANDING)
+def test_a_strategy_that_never_moves_is_stuck_with_a_sentence(tmp_path, answer):
+    result = played(tmp_path, f"return {answer}")
+    assert result.status.value == "stuck"
+    assert re.search(STANDING[answer], result.reason), result.reason
+    assert result.reason.endswith("(at decision 1)")
+    assert len(result.steps) == len(result.final_poses) > 1, "what was driven up to there is measured"
+    assert len(result.decision_seconds) == 2
 
 
 def test_a_target_in_an_obstacle_or_behind_one_is_refused():

@@ -19,7 +19,7 @@ from explore_bench.robot.planning.frontier import unknown_neighbours
 from explore_bench.robot.planning.roads import Roads
 from explore_bench.robot.timing import Lap
 from explore_bench.strategies.contract import Observation, Target
-from explore_bench.trial.explorer import ChoiceError, Patience, StuckError, checked
+from explore_bench.trial.explorer import Patience, StandingError, StuckError, checked
 from explore_bench.trial.landmark.step import LandmarkStep
 from explore_bench.trial.spec import Status
 from explore_bench.world.landmark.constants import LandmarkScenario
@@ -145,7 +145,10 @@ class LandmarkExplorer:
             near = len(waypoints) == 1 and self._driver.command(self.smoother.pose, answer.position) is None
             if near and not self._driver.open_loop:
                 x, y = answer.position
-                raise ChoiceError(f"the target ({x:g}, {y:g}) lies where the robot is; choose one farther away")
+                raise StandingError(
+                    f"the target ({x:g}, {y:g}) lies where the robot is, so that it would never move; "
+                    "choose one farther away"
+                )
         self.decisions += 1
         nearest = int(self._lengths.argmin())
         self._nearest = int(self._choices[nearest][-1])

@@ -13,7 +13,7 @@ from explore_bench.geometry import between
 from explore_bench.robot.lidar import navigator
 from explore_bench.robot.lidar.terrain import length_of
 from explore_bench.strategies.contract import Observation, Target
-from explore_bench.trial.explorer import ChoiceError, explorer_of
+from explore_bench.trial.explorer import ChoiceError, StandingError, explorer_of
 from explore_bench.trial.lidar.explorer import LidarExplorer
 from explore_bench.trial.lidar.loops import CLOSURE_DISTANCE
 from explore_bench.trial.lidar.ride import SAFE_DISTANCE
@@ -403,6 +403,7 @@ def test_a_target_that_cannot_be_driven_to_is_refused_in_a_sentence(where):
     with pytest.raises(ChoiceError, match=sentence) as refused:
         next(iter(explorer.drive(Target(place))))
     assert "\n" not in str(refused.value)
+    assert isinstance(refused.value, StandingError) == (where == "where the robot is")
     assert explorer.decisions == 0
 
 
