@@ -249,10 +249,8 @@ def _fork_as_asked(pipe: Connection, asking: socket.socket) -> tuple[tuple[bytes
         if preparation not in prepared:
             prepared.add(preparation)
             _prepare(preparation)
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", DeprecationWarning
-            )  # a library's thread may run, that of a memory allocator
+        with warnings.catch_warnings():  # of other threads: there is but that of a library's memory allocator
+            warnings.simplefilter("ignore", DeprecationWarning)
             pid = os.fork()
         if not pid:
             return (call, folder, imports), descriptors
