@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from explore_bench.errors import RequestError, describe
 from explore_bench.runs.runner import DEFAULT_TIMEOUT, check_runnable
 from explore_bench.runs.suites import plan
+from explore_bench.runs.workers.fork_server import another_hash_seed
 from explore_bench.runs.workers.local import default_workers, results_of
 from explore_bench.runs.workers.process import READY, Answer, Job, LostError
 from explore_bench.runs.workers.task import owner_of, preparation_of, warm_up
@@ -236,7 +237,7 @@ def _all_asked(
     places: dict[Place, list[int]] = {}
     for number, spec in enumerate(specs):
         places.setdefault(_place(spec), []).append(number)
-    jobs, meant = [], []
+    jobs, meant, seed = [], [], another_hash_seed()
     for number in (number for number in range(len(specs)) if not driven[number].wrong):
         groups: dict[object, list[int]] = {}
         for other in places[_place(specs[number])]:
@@ -245,7 +246,9 @@ def _all_asked(
         for group in groups.values():
             seconds = timeout * len(group)
             own = [specs[other] for other in group]
-            jobs.append(Job(ask, (own, driven[number], seconds), seconds, owner_of(own[0]), preparation_of(own[0])))
+            jobs.append(
+                Job(ask, (own, driven[number], seconds), seconds, owner_of(own[0]), preparation_of(own[0]), seed)
+            )
             meant.append((number, group))
     heard: dict[int, dict[int, tuple[list[int | Target], str]]] = {number: {} for number in driven}
     for job, found in results_of(jobs, crew):

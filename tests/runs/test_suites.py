@@ -36,7 +36,16 @@ LEARNED = {
 }
 
 FIELD = {name for name, entry in strategies().items() if entry.factory.startswith("baselines.field")}
-BESIDE_FIELD = {"nearest", "random", "entropy", "entropy-per-metre", "uncertainty", "belief-attention", "graph-stnn"}
+BESIDE_FIELD = {
+    "nearest",
+    "random",
+    "entropy",
+    "entropy-path",
+    "entropy-per-metre",
+    "uncertainty",
+    "belief-attention",
+    "graph-stnn",
+}
 
 
 @pytest.fixture

@@ -18,7 +18,8 @@ from explore_bench.runs.conformance.subject import Subject
 from explore_bench.runs.conformance.tours import ORDINARY, SITUATIONS, TRIALS, Tour, observations
 from explore_bench.runs.runner import execute
 from explore_bench.runs.witness import run_witnessed
-from explore_bench.runs.workers.fork_server import fork
+from explore_bench.runs.workers.fork_server import another_hash_seed, fork
+from explore_bench.runs.workers.process import START
 from explore_bench.runs.workers.task import warm_up
 from explore_bench.strategies.contract import Target
 from explore_bench.strategies.loading import StrategyError, check_methods
@@ -33,6 +34,9 @@ WORKERS = 1
 
 GRACE = 30.0
 """Seconds beyond its limit after which a process that cannot be interrupted is killed."""
+
+ENDING = 5.0
+"""Seconds for which the exit code is waited for of a process from which nothing more comes."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,6 @@ def examine(subject: Subject) -> Examination:
     """
     found = Examination()
     read_end, write_end = os.pipe()
-    seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
     with Path(os.devnull).open("wb") as nowhere, os.fdopen(read_end, "rb") as pipe:
         child = fork(
             report,
@@ -101,15 +104,17 @@ def examine(subject: Subject) -> Examination:
             descriptors=[write_end],
             output=nowhere.fileno(),
             preparation=(prepare, ()),
-            hash_seed=seed,
+            hash_seed=another_hash_seed(),
         )
         os.close(write_end)
+        child.begun(START)  # with all prepared
         try:
             _receive(pipe, found, subject.timeout + GRACE)
         except TimeoutError:
             found.hung = True
             found.death = f"was killed: nothing came of it in {subject.timeout:g} s, nor could it be interrupted"
         except EOFError:
+            child.ended(ENDING)
             found.death = f"died (exit code {child.kill()})"
         finally:
             child.kill()

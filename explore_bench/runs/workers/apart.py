@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -40,6 +39,7 @@ def _run_once(parcel: Parcel) -> Report:
     task = parcel.task
     process: Process | None = getattr(_own, "process", None)
     if process and process.owner != task.owner:
+        _own.process = None
         process.end()
         process = None
     job = Job(run_parcel, (parcel,), task.timeout, task.owner, preparation_of(task.spec))
@@ -48,7 +48,7 @@ def _run_once(parcel: Parcel) -> Report:
     try:
         process.begin(job)
         while (answer := process.take()) is None:
-            wait([process.pipe], max(process.deadline - time.monotonic(), 0.0))
+            wait([process.pipe], process.patience)
         fit = not answer.last
         report: Report = answer.value
         return report

@@ -12,6 +12,7 @@ import importlib
 import multiprocessing
 import os
 import pickle
+import select
 import signal
 import socket
 import subprocess
@@ -28,8 +29,16 @@ import numpy as np
 
 from explore_bench.runs.workers import SHIPPED, THREAD_SETTINGS
 
-PATIENCE = 5.0
-"""Seconds within which a server that is not busy answers; one that does not, or is stopped, is killed."""
+PATIENCE = 1.0
+"""Seconds for which the end of what was killed is waited for: its server may be busy."""
+
+LOOK = 0.1
+"""How often it is looked whether a server that is waited for runs [s]."""
+
+LEFT_ALONE = 2.0
+"""Seconds that children have to end when the one who asked for them is gone."""
+
+FORK, FINISH = b"+", b"."
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 """A function of a module, and its arguments."""
@@ -40,6 +49,11 @@ def shipped_code() -> dict[Path, int]:
     root = Path(__file__).parents[3]
     code = (file for package in SHIPPED for file in (root / package).rglob("*.py"))
     return {file: file.stat().st_mtime_ns for file in code if file.is_file()}  # editors leave links to nothing
+
+
+def another_hash_seed() -> str:
+    """A PYTHONHASHSEED under which sets and dictionaries of text have another order than here."""
+    return "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
 
 
 def fork(
@@ -63,60 +77,85 @@ def fork(
     hash_seed : PYTHONHASHSEED, where it is to be another one than that of this process.
     """
     request = (pickle.dumps((function, arguments)), pickle.dumps(preparation), str(Path.cwd()), list(sys.path))
-    for last in (False, True):
-        server = _server(hash_seed)
-        try:
-            return Child(server, server.ask(request, (output, 2, *descriptors)))
-        except OSError:  # somebody killed it
-            server.end()
-            if last:
-                raise
+    status, theirs = multiprocessing.Pipe(duplex=False)
+    with theirs:
+        for last in (False, True):
+            server = _server(hash_seed)
+            try:
+                server.ask(request, (theirs.fileno(), output, 2, *descriptors))
+                return Child(server, status)
+            except OSError:  # somebody killed it
+                server.end()
+                if last:
+                    raise
     raise AssertionError
 
 
 class Child:
-    """A forked process. Like a server, it is of the process that asked for it."""
+    """A forked process, of which its server tells what becomes of it.
 
-    def __init__(self, server: ForkServer, ticket: int) -> None:
-        self._server, self._ticket, self._pid = server, ticket, 0
-        self._killed = False
-        self._code: int | None = None
+    Attributes
+    ----------
+    pid : its number; None as long as it was not forked.
+    code : its exit code, like Popen's; None as long as it goes on, and where nobody is left to tell.
+    error : why it could not be forked, in words; None where it could.
+    """
 
-    @property
-    def pid(self) -> int:
-        """Its number.
+    def __init__(self, server: ForkServer, status: Connection) -> None:
+        self._server, self._status, self._told = server, status, True
+        self.pid: int | None = None
+        self.code: int | None = None
+        self.error: str | None = None
 
-        Raises
-        ------
-        OSError, EOFError : where its server has not forked it in time, or is gone before it did.
-        """
-        self._pid = self._pid or self._server.answer(self._ticket)
-        return self._pid
+    def begun(self, seconds: float = 0.0) -> bool:
+        """Whether it was forked; waits for that so long."""
+        self._hear("pid", seconds)
+        return self.pid is not None
+
+    def ended(self, seconds: float = 0.0) -> bool:
+        """Whether it has ended and its exit code is known; waits for that so long."""
+        self._hear("code", seconds)
+        return self.code is not None
+
+    def look(self) -> None:
+        """End its server if that does not run any more, so that whoever waits for this child hears of it."""
+        if not self._server.runs():
+            self._server.end()
 
     def kill(self) -> int | None:
-        """Kill it and all of its group, and return its exit code, like Popen's, where that can be known.
+        """Kill it and all of its group, and return its exit code where that can be known.
 
         If it was not forked yet, it never will be. To kill it again does nothing.
         """
-        if self._killed:
-            return self._code
-        self._killed = True
-        try:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.pid, signal.SIGKILL)
-            self._code = self._server.answer(self._server.ask(self.pid))
-        except (OSError, EOFError):  # the server hangs, or was killed
-            self._server.end()
-        return self._code
+        if not self._status.closed:
+            if self.begun():
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(self.pid or 0, signal.SIGKILL)
+                self.ended(PATIENCE)
+            self._status.close()
+        return self.code
+
+    def _hear(self, name: str, seconds: float) -> None:
+        """Take in what the server tells, until it has told that or nothing more will come."""
+        end = time.monotonic() + seconds
+        while self._told and getattr(self, name) is None:
+            left = max(end - time.monotonic(), 0.0)
+            if self._status.poll(min(left, LOOK)):
+                try:
+                    what, value = self._status.recv()
+                    setattr(self, what, value)
+                except (EOFError, OSError):
+                    self._told = False
+            elif left == 0.0 or not self._server.runs():
+                return
 
 
 class ForkServer:
-    """The process that is forked, and how to talk to it; threads may do so at the same time."""
+    """The process that is forked, of the process that started it; threads may ask at the same time."""
 
     def __init__(self, hash_seed: str | None) -> None:
-        self._owner, self._environment, self._code = os.getpid(), dict(os.environ), shipped_code()
-        self._lock = threading.Lock()
-        self._tickets, self._answers = 0, dict[int, int]()
+        self._environment, self._code = dict(os.environ), shipped_code()
+        self._lock, self._able = threading.Lock(), True
         self._pipe, theirs = multiprocessing.Pipe()
         self._socket = _socket_of(self._pipe)
         chosen = {} if hash_seed is None else {"PYTHONHASHSEED": hash_seed}
@@ -128,82 +167,79 @@ class ForkServer:
             stdout=2,
             start_new_session=True,  # Ctrl-C is for the one who asks
         )
-        self._able = True
         theirs.close()
 
-    def ask(self, request: object, descriptors: Sequence[int] = ()) -> int:
-        """Ask for a fork, or for the end of a child; returns the ticket of the answer.
+    def ask(self, request: object, descriptors: Sequence[int]) -> None:
+        """Ask for a child.
 
         Raises
         ------
-        OSError : where it is gone.
+        OSError : where the server does not run.
         """
         with self._lock:
-            self._tickets += 1
-            socket.send_fds(self._socket, [b" "], descriptors)
-            self._pipe.send((self._tickets, request))
-            return self._tickets
+            try:
+                room = select.poll()
+                room.register(self._socket, select.POLLOUT)
+                while not room.poll(1000 * LOOK):
+                    if not self.runs():
+                        raise BrokenPipeError
+                socket.send_fds(self._socket, [FORK], descriptors)
+                self._pipe.send(request)
+            except BaseException:  # it may have half a request
+                self._able = False
+                raise
 
-    def answer(self, ticket: int) -> int:
-        """Answer to what was asked.
-
-        Raises
-        ------
-        TimeoutError : where it does not come in time.
-        OSError, EOFError : where it will not come any more.
-        """
-        end = time.monotonic() + PATIENCE
-        with self._lock:
-            while ticket not in self._answers:
-                while not self._pipe.poll(0.1):
-                    if time.monotonic() > end or not self._runs():
-                        raise TimeoutError
-                self._receive()
-            return self._answers.pop(ticket)
-
-    def _receive(self) -> None:
-        ticket, answer = self._pipe.recv()
-        self._answers[ticket] = answer
-
-    def fits(self) -> bool:
-        """Whether it can fork, and what it forks is what would be started now."""
-        with self._lock:
-            able = self._owner == os.getpid() and self._runs()
-        return able and self._environment == os.environ and self._code == shipped_code()
-
-    def _runs(self) -> bool:
+    def runs(self) -> bool:
         """Whether it has not ended and nobody has stopped it."""
         if self._able:
-            changed, _ = os.waitpid(self._process.pid, os.WUNTRACED | os.WNOHANG)
+            try:
+                changed, _ = os.waitpid(self._process.pid, os.WUNTRACED | os.WNOHANG)
+            except ChildProcessError:  # somebody else has waited for it
+                changed = self._process.pid
             self._able = not changed
         return self._able
 
+    def fits(self) -> bool:
+        """Whether what it forks is what would be started now."""
+        return self._environment == os.environ and self._code == shipped_code()
+
+    def finish(self) -> None:
+        """Let it do what it was asked for and end with the last of its children; nothing more is asked."""
+        with self._lock, contextlib.suppress(OSError):
+            self._socket.send(FINISH)
+        self.close()
+
     def end(self) -> None:
         """Kill it; its children go on, and end with this process."""
-        with self._lock:
-            self._able = False
-            if self._owner == os.getpid():
-                self._process.kill()
-                self._process.wait()
-                with contextlib.suppress(OSError, EOFError):  # what it forked can still be killed
-                    while self._pipe.poll():
-                        self._receive()
-            self._socket.close()
-            self._pipe.close()
+        self._able = False
+        self._process.kill()
+        self._process.wait()
+        self.close()
+
+    def close(self) -> None:
+        """Leave it to itself."""
+        self._socket.close()
+        self._pipe.close()
 
 
 _servers: dict[str | None, ForkServer] = {}
+_finishing: list[ForkServer] = []
 _lock = threading.Lock()
 
 
 def _server(hash_seed: str | None) -> ForkServer:
     """The server of this process, if it was started where things are as they are now; else a new one."""
     with _lock:
+        _finishing[:] = [server for server in _finishing if server.runs()]
         known = _servers.get(hash_seed)
-        if known and not known.fits():
+        if known and not known.runs():
             known.end()
-            known = None
-        server = _servers[hash_seed] = known or ForkServer(hash_seed)
+        elif known and not known.fits():
+            known.finish()
+            _finishing.append(known)
+        elif known:
+            return known
+        server = _servers[hash_seed] = ForkServer(hash_seed)
         return server
 
 
@@ -214,51 +250,129 @@ def end_servers() -> None:
         _servers.popitem()[1].end()
 
 
+def _forget_servers() -> None:
+    """In a fork of this process: they are not its own, and some thread that is not there may have held the lock."""
+    global _lock
+    _lock = threading.Lock()
+    _finishing.clear()
+    while _servers:
+        _servers.popitem()[1].close()
+
+
+os.register_at_fork(after_in_child=_forget_servers)
+
+
+# In the server, and in what it forks
+
+
 def serve() -> None:
     """Fork as often as is asked, until nobody is left who could: the main function of a ForkServer, and of a child."""
     pipe = Connection(int(sys.argv[1]))
-    child = None
-    with contextlib.suppress(OSError, EOFError), _socket_of(pipe) as asking:
-        child = _fork_as_asked(pipe, asking)
+    child = _fork_as_asked(pipe)
     if child:
         pipe.close()
-        (call, folder, imports), (output, errors, *descriptors) = child
-        _settle(folder, imports, output, errors)
+        (call, _, folder, imports), (output, errors, *descriptors) = child
+        _settle(folder, imports, output, errors, descriptors)
         function, arguments = pickle.loads(call)
         function(*arguments, *descriptors)
 
 
-def _fork_as_asked(pipe: Connection, asking: socket.socket) -> tuple[tuple[bytes, str, list[str]], list[int]]:
-    """Fork again and again; returns in each child alone what it shall do, where, and with which files.
+Request = tuple[bytes, bytes, str, list[str]]
 
-    Raises
-    ------
-    OSError, EOFError : where nobody asks any more.
-    """
-    prepared = set[bytes]()
-    while True:
+
+def _fork_as_asked(pipe: Connection) -> tuple[Request, list[int]] | None:
+    """Fork again and again; returns in each child what it shall do, and in the server None, when all is done."""
+    prepared, children = set[bytes](), dict[int, Connection]()
+    signal.signal(signal.SIGCHLD, lambda *_: _reap(children))
+    with _socket_of(pipe) as asking:
+        while True:
+            mark, descriptors, request = _next_request(pipe, asking)
+            if request is None:
+                _see_off(children, patient=mark == FINISH)
+                return None
+            preparation = request[1]
+            if preparation not in prepared:
+                prepared.add(preparation)
+                _prepare(preparation)
+            status = Connection(descriptors.pop(0), readable=False)
+            if _is_awaited(status) and not _fork(status, children):
+                return request, descriptors
+            for descriptor in descriptors:
+                os.close(descriptor)
+
+
+def _next_request(pipe: Connection, asking: socket.socket) -> tuple[bytes, list[int], Request | None]:
+    """Mark, open files and request; None where nothing more is asked for."""
+    try:
         mark, descriptors, *_ = socket.recv_fds(asking, 1, 16)
-        if not mark:
-            raise EOFError
-        ticket, request = pipe.recv()
-        if isinstance(request, int):
-            _, status = os.waitpid(request, 0)
-            pipe.send((ticket, os.waitstatus_to_exitcode(status)))
-            continue
-        call, preparation, folder, imports = request
-        if preparation not in prepared:
-            prepared.add(preparation)
-            _prepare(preparation)
+        return mark, descriptors, pipe.recv() if mark == FORK else None
+    except (EOFError, OSError):
+        return b"", [], None
+
+
+def _is_awaited(status: Connection) -> bool:
+    """Whether somebody would hear what becomes of a child."""
+    awaited = select.poll()
+    awaited.register(status.fileno(), 0)
+    return not awaited.poll(0)
+
+
+def _fork(status: Connection, children: dict[int, Connection]) -> int:
+    """Fork, note the child and tell its number; 0 in the child, −1 where there is none."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # it may end before it is noted
+    try:
         with warnings.catch_warnings():  # of other threads: there is but that of a library's memory allocator
             warnings.simplefilter("ignore", DeprecationWarning)
             pid = os.fork()
         if not pid:
-            return (call, folder, imports), descriptors
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            for other in children.values():
+                other.close()
+            status.close()
+            return 0
+        children[pid] = status
         with contextlib.suppress(OSError):  # as it does itself: whoever of the two is first
             os.setpgid(pid, pid)
-        pipe.send((ticket, pid))
-        for descriptor in descriptors:
-            os.close(descriptor)
+        _tell(status, "pid", pid, or_kill=pid)
+        return pid
+    except OSError as error:  # there may be no more processes
+        _tell(status, "error", str(error))
+        status.close()
+        return -1
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGCHLD])
+
+
+def _tell(status: Connection, what: str, value: object, or_kill: int = 0) -> None:
+    """Tell what became of a child; one of which nobody wants to hear is killed."""
+    try:
+        status.send((what, value))
+    except OSError:
+        if or_kill:
+            os.kill(or_kill, signal.SIGKILL)
+
+
+def _reap(children: dict[int, Connection]) -> None:
+    """Tell the exit codes of those that have ended; when another one ends, it may begin anew on the way."""
+    for pid in list(children):
+        try:
+            ended, code = os.waitpid(pid, os.WNOHANG)
+        except ChildProcessError:  # that did it
+            continue
+        if ended:
+            status = children.pop(pid)
+            _tell(status, "code", os.waitstatus_to_exitcode(code))
+            status.close()
+
+
+def _see_off(children: dict[int, Connection], *, patient: bool) -> None:
+    """Wait for the children's ends; those of which nobody will hear any more are killed after a while."""
+    end = time.monotonic() + LEFT_ALONE
+    while children and (patient or time.monotonic() < end):
+        time.sleep(0.05)
+    for pid in list(children):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(pid, signal.SIGKILL)
 
 
 def _prepare(preparation: bytes) -> None:
@@ -270,12 +384,15 @@ def _prepare(preparation: bytes) -> None:
             function(*arguments)
 
 
-def _settle(folder: str, imports: list[str], output: int, errors: int) -> None:
+def _settle(folder: str, imports: list[str], output: int, errors: int, descriptors: Sequence[int]) -> None:
     """Make a forked process one of its own."""
-    os.setpgid(0, 0)
+    with contextlib.suppress(OSError):  # as its server does
+        os.setpgid(0, 0)
     for here, standard in ((output, 1), (errors, 2)):
         os.dup2(here, standard)
         os.close(here)
+    for descriptor in descriptors:
+        os.set_inheritable(descriptor, False)
     os.chdir(folder)
     sys.path[:] = imports
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, imports))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Generator, Sequence
 from multiprocessing.connection import wait
 from typing import Any
@@ -49,7 +48,7 @@ def results_of(jobs: Sequence[Job], workers: int) -> Generator[tuple[int, Any]]:
                 process, number = _next(jobs, waiting, idle, doing)
                 process.begin(jobs[number])
                 doing[process] = number
-            wait([each.pipe for each in doing], max(min(each.deadline for each in doing) - time.monotonic(), 0.0))
+            wait([each.pipe for each in doing], min(each.patience for each in doing))
             for process, number in list(doing.items()):
                 try:
                     answer = process.take()

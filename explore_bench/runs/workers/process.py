@@ -23,12 +23,12 @@ from typing import Any
 
 from explore_bench.errors import RequestError, describe
 from explore_bench.runs.workers import GRACE
-from explore_bench.runs.workers.fork_server import Call, fork
+from explore_bench.runs.workers.fork_server import LOOK, Call, fork
 
 START = 300.0
 """Seconds that a process may take to import and compile before its job begins."""
 
-READY = "ready"
+UP, READY = "up", "ready"
 
 
 class LostError(RuntimeError):
@@ -50,6 +50,7 @@ class Job:
     seconds : that it may take from then on.
     owner : whose code it runs: no process works for two.
     preparation : of this project, what takes time only once, where a new process is to begin with it done.
+    hash_seed : see `fork`.
     """
 
     function: Callable[..., Iterator[Any]]
@@ -57,6 +58,7 @@ class Job:
     seconds: float
     owner: str = ""
     preparation: Call | None = None
+    hash_seed: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,18 +77,36 @@ class Process:
 
     def __init__(self, first: Job) -> None:
         self.owner = first.owner
+        self._up, self._job = False, first
         self.pipe, theirs = multiprocessing.Pipe()
         self.deadline, self._limit, self._ready = 0.0, 0.0, False
         self._folder = tempfile.TemporaryDirectory(prefix="explore-bench-", ignore_cleanup_errors=True)
         preparation = _prepare, (first.function, first.preparation)
-        self._child = fork(serve, self._folder.name, descriptors=[theirs.fileno()], preparation=preparation)
-        theirs.close()
+        with theirs:
+            self._child = fork(
+                serve,
+                self._folder.name,
+                descriptors=[theirs.fileno()],
+                preparation=preparation,
+                hash_seed=first.hash_seed,
+            )
 
     def begin(self, job: Job) -> None:
-        """Let it begin a job; whether it could shows when the answer is taken."""
+        """Let it begin a job as soon as it is up; whether it could shows when the answer is taken."""
         self.deadline, self._limit, self._ready = time.monotonic() + START, job.seconds, False
+        self._job = job
+        if self._up:
+            self._send()
+
+    def _send(self) -> None:
         with contextlib.suppress(OSError):
-            self.pipe.send((job.function, job.arguments))
+            self.pipe.send((self._job.function, self._job.arguments))
+
+    @property
+    def patience(self) -> float:
+        """Seconds for which its pipe can be waited for before an answer is taken, or looked for."""
+        left = max(self.deadline - time.monotonic(), 0.0)
+        return left if self._up else min(left, LOOK)
 
     def take(self) -> Answer | None:
         """Answer to the job, as soon as there is one.
@@ -98,19 +118,31 @@ class Process:
         """
         if not self.pipe.poll():
             if time.monotonic() < self.deadline:
+                if not self._up:
+                    self._child.look()
                 return None
             late = f"took longer than the {self._limit:g} s allowed and could not be interrupted"
             raise LostError(late if self._ready else f"was not begun within {START:g} s")
         try:
             found = self.pipe.recv()
         except (EOFError, OSError):
-            raise ProcessDiedError("its worker process died (killed, or out of memory)") from None
+            self._child.begun()
+            why = self._child.error
+            raise ProcessDiedError(
+                f"its worker process could not be started ({why})"
+                if why
+                else "its worker process died (killed, or out of memory)"
+            ) from None
         except Exception as error:
             raise LostError(f"its worker process answered what cannot be read ({describe(error)})") from None
         if isinstance(found, RequestError | LostError):
             raise found
         if isinstance(found, Answer):
             return found
+        if found == UP:  # before nobody would have read
+            self._up = True
+            self._send()
+            return None
         self.deadline, self._ready = time.monotonic() + self._limit + GRACE, True
         return None
 
@@ -135,6 +167,7 @@ def serve(folder: str, descriptor: int) -> None:
     multiprocessing.current_process().name = "Process"
     pipe = Connection(descriptor)
     with contextlib.suppress(EOFError, OSError):
+        pipe.send(UP)
         while True:
             function, arguments = pipe.recv()
             try:

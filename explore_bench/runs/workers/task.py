@@ -151,8 +151,8 @@ def warm_up(scenario: Scenario) -> None:
     """Compile and cache all that trials of a scenario run, in this process and once; a tiny one does."""
     if repr(scenario) in _warm:
         return
-    _warm.add(repr(scenario))
     run_trial(TrialSpec("warm-up", f"{__name__}:WarmUp", scenario, trial=0, purpose="calibrate"))
+    _warm.add(repr(scenario))
 
 
 class WarmUp:

@@ -94,7 +94,7 @@ def test_a_child_has_the_folder_the_imports_and_the_settings_of_the_one_who_asks
     assert set(settings.values()) == {"1"}
     monkeypatch.setenv("A_SETTING", "2")
     assert told(surroundings)[2]["A_SETTING"] == "2"
-    assert not alive(first)
+    assert ended(first)
 
 
 def test_a_server_of_older_code_is_replaced(monkeypatch):
@@ -156,9 +156,9 @@ def hash_of_a_word():
 @pytest.mark.parametrize(("function", "code"), [(end_with_three, 3), (raise_something, 1), (print_something, 0)])
 def test_what_has_ended_has_its_own_exit_code(function, code, capfd):
     child = fork(function)
-    pid = child.pid
-    while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
-        time.sleep(0.01)
+    assert child.begun(60.0)
+    assert child.ended(60.0)
+    assert not alive(child.pid), "nothing is left of it"
     assert child.kill() == code
     assert child.kill() == code, "to kill it again does nothing"
     heard = capfd.readouterr()
@@ -168,6 +168,8 @@ def test_what_has_ended_has_its_own_exit_code(function, code, capfd):
 
 def test_what_goes_on_is_killed():
     child = fork(sleep)
+    assert child.begun(60.0)
+    assert not child.ended()
     assert child.kill() == -signal.SIGKILL
     assert not alive(child.pid)
 
@@ -175,17 +177,15 @@ def test_what_goes_on_is_killed():
 def test_the_output_of_a_child_is_where_it_was_told_to_be(tmp_path):
     with (tmp_path / "output").open("wb") as file:
         child = fork(print_something, output=file.fileno())
-        pid = child.pid
-        while Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z":
-            time.sleep(0.01)
+        assert child.ended(60.0)
         child.kill()
     assert (tmp_path / "output").read_text() == "said\n"
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_server_that_is_killed_or_stopped_takes_no_child_along_and_is_replaced(how, monkeypatch):
-    monkeypatch.setattr(fork_server, "PATIENCE", 1.0)
     child = fork(sleep)
+    assert child.begun(60.0)
     pid, server = child.pid, server_pid()
     os.kill(server, how)
     os.waitid(os.P_PID, server, os.WEXITED | os.WSTOPPED | os.WNOWAIT)
@@ -219,23 +219,115 @@ def touch_and_sleep(file):
 
 
 def ended(pid):
-    """Whether a process has ended within ten seconds."""
+    """Whether a process has ended within ten seconds, though nobody may have waited for it yet."""
     end = time.monotonic() + 10.0
-    while alive(pid) and time.monotonic() < end:
+    while time.monotonic() < end:
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except FileNotFoundError:
+            return True
         time.sleep(0.05)
-    return not alive(pid)
+    return False
 
 
-def test_a_child_that_was_not_forked_yet_never_is(monkeypatch, tmp_path):
-    """Its server is busy, or somebody has stopped it."""
-    monkeypatch.setattr(fork_server, "PATIENCE", 0.5)
+def test_a_child_that_was_not_forked_yet_never_is_and_what_is_busy_goes_on(tmp_path):
     assert told(Path.cwd) == Path.cwd()
     server = server_pid()
-    child = fork(touch, str(tmp_path / "mark"), preparation=(time.sleep, (60.0,)))
-    assert child.kill() is None
-    assert not alive(server)
+    busy = fork(touch, str(tmp_path / "one"), preparation=(time.sleep, (2.0,)))
+    idle = fork(touch, str(tmp_path / "two"))
+    begin = time.monotonic()
+    assert idle.kill() is None
+    assert time.monotonic() - begin < 1.0
+    assert busy.ended(60.0)
     assert told(Path.cwd) == Path.cwd()
-    assert not (tmp_path / "mark").exists()
+    assert server_pid() == server
+    assert (tmp_path / "one").exists()
+    assert not (tmp_path / "two").exists()
+
+
+def test_a_server_that_is_busy_does_what_it_was_asked_although_it_is_replaced(monkeypatch, tmp_path):
+    assert told(Path.cwd) == Path.cwd()
+    server = server_pid()
+    busy = fork(touch, str(tmp_path / "mark"), preparation=(time.sleep, (2.5,)))
+    monkeypatch.setenv("A_SETTING", "4")
+    assert told(Path.cwd) == Path.cwd()
+    assert server_pid() != server
+    assert busy.ended(60.0)
+    assert busy.code == 0
+    assert (tmp_path / "mark").exists()
+    assert ended(server)
+
+
+def test_who_is_stopped_while_it_is_asked_is_found_out():
+    assert told(Path.cwd) == Path.cwd()
+    server = server_pid()
+    child = fork(sleep, preparation=(time.sleep, (1.5,)))
+    os.kill(server, signal.SIGSTOP)
+    os.waitid(os.P_PID, server, os.WSTOPPED | os.WNOWAIT)
+    child.look()
+    assert not alive(server)
+    assert not child.begun(60.0), "it is told at once"
+
+
+def test_somebody_else_may_have_waited_for_the_server():
+    assert told(Path.cwd) == Path.cwd()
+    server = server_pid()
+    os.kill(server, signal.SIGKILL)
+    os.waitpid(server, 0)
+    assert told(Path.cwd) == Path.cwd()
+
+
+def test_that_there_can_be_no_more_processes_is_told(monkeypatch):
+    """As the system would tell, whom the server asks for a fork."""
+    child = fork(sleep, preparation=(let_no_fork_succeed, ()))
+    assert not child.begun(60.0)
+    assert child.error == "[Errno 11] no more"
+    end_servers()
+
+
+def let_no_fork_succeed():
+    def refuse():
+        raise BlockingIOError(11, "no more")
+
+    os.fork = refuse
+
+
+def test_as_many_as_one_likes():
+    """More than there is room for what is told of them."""
+    children = [fork(time.sleep, 600.0) for _ in range(300)]
+    assert all(child.begun(60.0) for child in children)
+    assert len({child.pid for child in children}) == 300
+    for child in children:
+        child.kill()
+    assert not any(alive(child.pid) for child in children)
+
+
+def test_a_fork_of_this_process_has_servers_of_its_own():
+    assert told(Path.cwd) == Path.cwd()
+    server = server_pid()
+    with fork_server._lock:  # held by a thread that is not there afterwards
+        pid = os.fork()
+        if not pid:
+            os._exit(told(server_pid_there) == server)
+    assert os.waitpid(pid, 0)[1] == 0
+    assert told(os.getppid) == server
+
+
+def server_pid_there():
+    return os.getppid()
+
+
+def test_what_is_left_when_the_one_who_asked_is_gone_is_killed(tmp_path):
+    note = tmp_path / "note"
+    pid = os.fork()
+    if not pid:
+        child = fork(sleep)
+        child.begun(60.0)
+        note.write_text(str(child.pid))
+        os._exit(0)
+    os.waitpid(pid, 0)
+    assert ended(int(note.read_text()))
 
 
 def touch(file):

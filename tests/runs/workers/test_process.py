@@ -33,8 +33,13 @@ def _end_of_the_process():
         apart._own.process = None
 
 
+def pid_of(process):
+    assert process._child.begun()
+    return process._child.pid
+
+
 def own_pid():
-    return apart._own.process._child.pid
+    return pid_of(apart._own.process)
 
 
 def test_a_trial_has_the_same_shard_as_in_this_process(tmp_path):
@@ -62,7 +67,7 @@ def test_trials_of_one_thread_share_a_process_and_those_of_another_have_theirs()
     thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
-    assert others[0]._child.pid != mine
+    assert pid_of(others[0]) != mine
     others[0].end()
 
 
