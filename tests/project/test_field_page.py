@@ -16,7 +16,8 @@ from explore_bench.report.pages.claims import examined, write_claims
 from explore_bench.report.pages.field import field_table
 from explore_bench.strategies.registry import strategies
 
-FILE = Path(__file__).parents[2] / "docs/fill.py"
+ROOT = Path(__file__).parents[2]
+FILE = ROOT / "docs/fill.py"
 NOISE = np.random.default_rng(0).normal(0.0, 0.02, 20)
 BEST = {"heading-aware": 0.5, "heading-aware-no-heading": 0.5, "heading-aware-no-distance": 0.3, "nearest": 1.0}
 
@@ -182,3 +183,27 @@ def test_what_a_stored_folder_says_of_terms_is_read_from_its_claims(fill, result
     claims = json.loads((folder / "claims.json").read_text())
     assert [claim["claim"] for claim in claims] == ["heading-aware"]
     assert fill._effects(folder) == {("heading-aware", "heading-aware-no-distance"): (2, 0, 2)}
+
+
+# What the page says in words of its own
+
+
+def test_the_page_s_own_words_are_what_was_measured():
+    page = " ".join((ROOT / "docs/field.md").read_text(encoding="utf-8").split())
+    table = pd.read_csv(ROOT / "results/field-stage/tables/field.csv").set_index("Method")
+    order = list(dict.fromkeys(table.index))
+    assert order.index("Belief attention (ours)") == 9
+    assert "it is behind nine others" in page
+    times = table["decision, median [ms]"]
+    ratios = (times["Next best view"].to_numpy(float) / times["Heading-aware gain"].to_numpy(float)).round()
+    assert set(ratios.tolist()) <= {7.0, 8.0}
+    assert "`heading-aware` in a seventh of its time" in page
+    asked = pd.read_csv(ROOT / "docs/studies/field-choices.csv")
+    asked = asked[(asked["scenario"] == "paper") & (asked["a"] != asked["b"]) & asked["seed_a"].isna()]
+    both = asked[~asked["a"].isin({"visible-unknown", "nearest"}) & ~asked["b"].isin({"visible-unknown", "nearest"})]
+    ends = (100 * both["agreement"]).round()
+    assert f"choose the same in {ends.min():.0f} to {ends.max():.0f} % of the cases" in page
+    answer = json.loads((ROOT / "results/confirmation/2026.json").read_text(encoding="utf-8"))["comparisons"]
+    assert {one["p"] for one in answer} == {0.0001}
+    assert {one["p_holm"] for one in answer} == {0.0366}
+    assert "over 366 comparisons none below 0.0366" in page

@@ -15,7 +15,7 @@ from explore_bench.report.moment import scene_of
 from explore_bench.report.packing import unpack
 from explore_bench.report.replays import pack_replay
 from explore_bench.runs.suites import plan
-from explore_bench.trial.explorer import ChoiceError
+from explore_bench.trial.explorer import ChoiceError, StandingError
 
 TAKES = "from explore_bench import Target"
 
@@ -115,6 +115,24 @@ def test_a_strategy_that_never_moves_is_stuck_with_a_sentence(tmp_path, answer):
     assert result.reason.endswith("(at decision 1)")
     assert len(result.steps) == len(result.final_poses) > 1, "what was driven up to there is measured"
     assert len(result.decision_seconds) == 2
+
+
+def test_a_target_over_the_edge_of_a_cell_where_the_robot_already_is_leads_nowhere_either():
+    """Within the arrival radius, in the next cell: one robot is sent to an edge until another cell is that near."""
+    process = Course(TINY, "calibrate", 0).begin(0)
+    for _ in range(50):
+        observation = process.observation
+        assert observation is not None, "the trial ended before"
+        x, y = observation.pose[:2]
+        reachable = observation.reachable.cells
+        for place in ((x + step, y) for step in (-0.2, -0.1, 0.1, 0.2)):
+            if TINY.grid.holds(*place) and TINY.grid.cell_of(*place) in reachable:
+                with pytest.raises(StandingError, match="lies where the robot is, so that it would never move"):
+                    process.decide(Target(place))
+                return
+        cell = int(reachable[observation.reachable.lengths.argmin()])
+        process.decide(Target(tuple(TINY.grid.centre_of(cell) + np.array((0.99, 0.0)))))
+    pytest.fail("no robot came that near to an edge")
 
 
 def test_a_target_in_an_obstacle_or_behind_one_is_refused():
